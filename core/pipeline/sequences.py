@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.atomic import undone_on_failure
-from core.errors import InputError
-from core.model import PhaseMap, Project, Subject
+from core.errors import InputError, choose_among
+from core.model import DeviceSpec, PhaseMap, Project, Subject
 from core.patterns import Pattern, SequenceSpec, default_sequence, pattern_image
 from core.progress import SILENT, Progress
 from core.project import read_project, write_image
@@ -46,9 +46,12 @@ def write_patterns(
     sequence: SequenceSpec | None = None,
     *,
     linearise: bool = False,
+    projector: str = "",
     progress: Progress = SILENT,
 ) -> WrittenPatterns:
     """Write a project's sequence as numbered PNG of the projector's size, and the capture.json that lists them.
+
+    The projector is the one of that name, the first of several if none is named.
 
     Without a sequence it is the project's own, else that of its latest capture, else fringes of grey. `linearise`
     writes the levels that make the projector's light what the patterns mean, by its `response` in project.json. `out`
@@ -57,10 +60,13 @@ def write_patterns(
     """
     project = read_project(folder)
     spec = sequence or shown_sequence(project)
-    spec_device = project.projector
-    size = spec_device.width, spec_device.height
+    shown_by, where = projector or project.rig.projector_name, project.path / "project.json"
+    if shown_by not in project.rig.projectors:
+        raise InputError(where, f"has no projector {shown_by!r}", choose_among(shown_by, [*project.rig.projectors]))
+    device = project.rig.projectors[shown_by]
+    size = device.width, device.height
     patterns = spec.patterns(size)
-    levels = _inverse(project) if linearise else None
+    levels = _inverse(where, device) if linearise else None
     for path in _stale(Path(out)):
         path.unlink()
     digits = max(3, len(str(len(patterns) - 1)))
@@ -86,9 +92,9 @@ def shown_sequence(project: Project) -> SequenceSpec:
         return default_sequence(grey=True)
 
 
-def _inverse(project: Project) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _inverse(where: Path, projector: DeviceSpec) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Give light, rising, and the level that makes it."""
-    where, response = project.path / "project.json", np.array(project.projector.response, np.float64).reshape(-1, 2)
+    response = np.array(projector.response, np.float64).reshape(-1, 2)
     if len(response) < 2:
         raise InputError(where, "gives no response of the projector", "measure it, or leave --linearise out")
     response = response[np.argsort(response[:, 0], kind="stable")]

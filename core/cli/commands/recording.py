@@ -42,6 +42,7 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_folder("patterns", _patterns, "write the sequence as images of the projector's size")
     sub.add_argument("--out", type=Path, required=True, metavar="DIR")
     sub.add_argument("--linearise", action="store_true", help="compensate the projector's response in project.json")
+    sub.add_argument("--projector", default="", metavar="NAME", help="which projector, if the rig has several")
     sequence_argument(sub)
 
     sub = commands.add("import-frames", _import, "make a capture from frames recorded elsewhere")
@@ -151,9 +152,8 @@ def _told(findings: Sequence[Any]) -> dict[str, Any]:
 def _patterns(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.sequences import write_patterns
 
-    written = write_patterns(
-        options.project, options.out, chosen_sequence(options), linearise=options.linearise, progress=progress
-    )
+    how = {"linearise": options.linearise, "projector": options.projector}
+    written = write_patterns(options.project, options.out, chosen_sequence(options), **how, progress=progress)
     print(f"{written.folder}: {len(written.patterns)} images, {written.sequence}")
     return {
         "out": str(written.folder),

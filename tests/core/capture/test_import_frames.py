@@ -289,6 +289,16 @@ def test_patterns_are_written_pixel_for_pixel(project: Path, tmp_path: Path) -> 
     assert np.nanmax(np.abs(phase.v - np.arange(SIZE[1])[:, None])) < 0.05
 
 
+def test_patterns_are_those_of_the_projector_that_is_named(project: Path, tmp_path: Path, edit_json, capsys) -> None:
+    spec, out = json.loads((project / "project.json").read_text())["projector"], tmp_path / "out"
+    edit_json(project / "project.json", version=2, projectors={"second": {**spec, "width": 2 * SIZE[0]}})
+    command = ["patterns", str(project), "--out", str(out), "--sequence", "gray-sine", "--projector"]
+    assert main([*command, "third"]) == 2
+    assert "project.json: has no projector 'third'" in capsys.readouterr().err
+    assert main([*command, "second"]) == 0
+    assert cv2.imread(str(next(out.glob("*.png"))), cv2.IMREAD_UNCHANGED).shape == (SIZE[1], 2 * SIZE[0])
+
+
 def test_patterns_undo_the_response(project: Path, tmp_path: Path) -> None:
     """A projector whose light is its level squared: written levels are the roots of what is meant."""
     arguments = ["patterns", str(project), "--out", str(tmp_path / "out"), "--sequence", "gray-sine", "--linearise"]
