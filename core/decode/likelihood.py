@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -20,10 +21,10 @@ from core.decode.footprint import draw_back
 from core.decode.frames import Image
 from core.decode.islands import drop_islands
 from core.decode.noise import TINY, Noise
-from core.decode.notes import MUCH, ODD_WORDS, SECOND_OF_WORDS, note_on_second_light, notes_on
+from core.decode.notes import MUCH, ODD_WORDS, SECOND_OF_WORDS, TELLING, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.sample import limits_of, spread, take_sample
-from core.decode.shown import measure_words
+from core.decode.shown import Shown, measure_words
 from core.decode.tables import WORDS, Singles, make_rows, no_axis
 from core.model import PhaseMap
 from core.parallel import run_in_bands
@@ -103,104 +104,163 @@ def decode_words(
     return replace(result, v=v, sigma_v=sigma_v) if "y" in worded else result
 
 
-def _decode_axis(
-    book: Book, images: Sequence[Image], options: DecodeOptions, progress: Progress
-) -> tuple[Singles, Singles, Singles, Singles, NDArray[np.uint8], Noise, float, tuple[str, ...]]:
-    """Give place, sigma, modulation, evenly lit image and flags, each (H, W), noise, contrast of words, what to say."""
-    shape, k = images[0].shape, len(book.frames)
-    full = options.saturation or float(np.iinfo(images[0].dtype).max)
-    progress(0.0, "reading blur and noise")
-    book, blur, noise, steady = measure_words(book, images, full)
-    usual = int(np.median(blur))
-    shelf, step = book.compared(usual), max(NEAR, NEAR * float(BLURS[usual]))
-    width, flat, blurs = shape[1], [images[n].ravel() for n in book.frames], blur.ravel()
-    found = Found(*(np.empty(shape, kind) for kind in (np.int32, F, F, bool)))
-    limits = F(noise.dark), F(noise.shot), F(noise.floor)
-    least = options.min_snr**2  # of the squares that a word must explain; its level is that of full light at most
-    dim = least * noise.dark, least * noise.shot / 2, least * noise.floor
-    out = np.empty((4, *shape), F)  # place, sigma, contrast, offset
-    every = out.reshape(4, -1)
-    left = np.empty(shape, F)  # squares that remain
+class _Decoded(NamedTuple):
+    """Of an axis, (H, W) each but for noise, contrast of the words (of full contrast) and what to say."""
 
-    def search(at: Pixels, shelf: Shelf) -> None:
-        for whole, some in zip(found, shelf.find(_grey(flat, at), width, dim), strict=True):
+    place: Singles
+    sigma: Singles
+    modulation: Singles
+    image: Singles
+    flags: NDArray[np.uint8]
+    noise: Noise
+    word: float
+    notes: tuple[str, ...]
+
+
+class _Places:
+    """What is found of every pixel of an axis: looked up, adjusted, and whether it is to be believed."""
+
+    def __init__(self, shown: Shown, images: Sequence[Image], options: DecodeOptions) -> None:
+        shape, self.shown, self.usual = images[0].shape, shown, int(np.median(shown.blur))
+        self.flat = [images[n].ravel() for n in shown.book.frames]
+        self.width, self.freedom = shape[1], len(self.flat) - 3
+        dark, shot, floor, *_ = shown.noise
+        self.limits = F(dark), F(shot), F(floor)
+        least = options.min_snr**2  # of the squares that a word must explain; its level is that of full light at most
+        self.dim = least * dark, least * shot / 2, least * floor
+        self.found = Found(*(np.empty(shape, kind) for kind in (np.int32, F, F, bool)))
+        self.start, self.left = np.empty(shape, F), np.empty(shape, F)  # places looked up; squares that remain
+        self.values = np.empty((4, *shape), F)  # place, sigma, contrast, offset
+
+    def search(self, at: Pixels, shelf: Shelf) -> None:
+        """Look pixels up."""
+        for whole, some in zip(self.found, shelf.find(_grey(self.flat, at), self.width, self.dim), strict=True):
             whole.reshape(-1)[at] = some
 
-    def refine(at: Pixels) -> None:
-        grey = _grey(flat, at)
+    def refine(self, at: Pixels) -> None:
+        """Adjust pixels from where they start."""
+        grey, (book, blur, _, steady) = _grey(self.flat, at), self.shown
         values, squares = np.empty((4, grey.shape[1]), F), np.empty(grey.shape[1], F)
-        adjust(grey, book.fine, blurs[at], start.ravel()[at], limits, steady, values, squares)
-        every[:, at], left.reshape(-1)[at] = values, squares
+        adjust(grey, book.fine, blur.ravel()[at], self.start.ravel()[at], self.limits, steady, values, squares)
+        self.values.reshape(4, -1)[:, at], self.left.reshape(-1)[at] = values, squares
 
-    rows = max(1, (1 << 16) // width)
-    for at in progress.over(range(0, shape[0], 16 * rows), "looking words up from row {}"):
-        run_in_bands(
-            lambda a, b, at=at: search(slice((at + a) * width, (at + b) * width), shelf),  # type: ignore[misc]
-            min(16 * rows, shape[0] - at),
-        )
-    start = book.places(found.best)
-    run_in_bands(lambda a, b: refine(slice(a * width, b * width)), shape[0])
-    place, sigma, contrast, offset = out
-    variance = np.maximum(noise.dark + noise.shot * (offset + contrast / 2), noise.floor).astype(np.float32)
-    weak = (found.top < options.min_snr * np.sqrt(variance)) | (contrast / 2 < options.min_modulation) | (contrast <= 0)
-    beyond = _beyond(left / (k - 3), ~weak)  # those that fit by chance are few among them
+    def look_up_all(self, progress: Progress) -> None:
+        """Look every pixel up and adjust it."""
+        (height, width), book = self.shown.blur.shape, self.shown.book
+        rows, shelf = 16 * max(1, (1 << 16) // width), book.compared(self.usual)
+        for top in progress.over(range(0, height, rows), "looking words up from row {}"):
 
-    def leads() -> NDArray[np.bool_]:
-        return np.asarray(found.top**2 - found.rival**2 > MARGIN * variance * beyond)
+            def band(first: int, last: int, top: int = top) -> None:
+                self.search(slice((top + first) * width, (top + last) * width), shelf)
 
-    some = np.flatnonzero(~(leads() | found.known))
-    run_in_bands(lambda a, b: search(some[a:b], book.shelf(usual)), len(some))
-    sure, near = leads(), np.abs(place - start) <= step
-    good = sure & ~weak & near & (left < _bound(k, contrast, variance))
+            run_in_bands(band, min(rows, height - top))
+        self.start[:] = book.places(self.found.best)
+        run_in_bands(lambda a, b: self.refine(slice(a * width, b * width)), height)
+
+    def variance(self) -> Singles:
+        """Give that of grey values at half the light."""
+        _, _, contrast, offset = self.values
+        dark, shot, floor = self.limits
+        return np.asarray(np.maximum(dark + shot * (offset + contrast / 2), floor), np.float32)
+
+    def sure(self, variance: Singles, lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Tell which lead every place elsewhere, looking up in full those for which that is not known."""
+        beyond = _beyond(self.left / self.freedom, lit)  # those that fit by chance are few among them
+
+        def leads() -> NDArray[np.bool_]:
+            return np.asarray(self.found.top**2 - self.found.rival**2 > MARGIN * variance * beyond)
+
+        some, shelf = np.flatnonzero(~(leads() | self.found.known)), self.shown.book.shelf(self.usual)
+        run_in_bands(lambda a, b: self.search(some[a:b], shelf), len(some))
+        return leads()
+
+    def near(self) -> NDArray[np.bool_]:
+        """Tell which stayed about where they started."""
+        step = max(NEAR, NEAR * float(BLURS[self.usual]))
+        return np.asarray(np.abs(self.values[0] - self.start) <= step)
+
+    def fits(self, variance: Singles) -> NDArray[np.bool_]:
+        """Tell which did, and leave no more squares than noise and what the model cannot explain."""
+        k = self.freedom
+        strange = (k + 3) * np.square(MISFIT * self.values[2]) / variance
+        return np.asarray(self.near() & (self.left < k + 6 * np.sqrt(2.0 * k) + strange))
+
+    def by_neighbours(self, good: NDArray[np.bool_], lit: NDArray[np.bool_], variance: Singles) -> None:
+        """Put pixels where their neighbours agree, if they fit there; they are `good` then, in place."""
+        expected, agreed = _predicted(self.values[0], good)
+        again = np.flatnonzero(agreed & lit & ~(good & (np.abs(self.values[0] - expected) < ALIKE)))
+        every, left, start = self.values.reshape(4, -1), self.left.reshape(-1), self.start.reshape(-1)
+        kept, was, before = every[:, again], left[again], start[again]
+        start[again] = expected.ravel()[again]
+        run_in_bands(lambda a, b: self.refine(again[a:b]), len(again))
+        fits = self.fits(variance).ravel()[again]
+        back = again[~fits]
+        every[:, back], left[back], start[back] = kept[:, ~fits], was[~fits], before[~fits]
+        good.reshape(-1)[again[fits]] = True
+
+
+def _decode_axis(book: Book, images: Sequence[Image], options: DecodeOptions, progress: Progress) -> _Decoded:
+    """Decode the words of an axis."""
+    full = options.saturation or float(np.iinfo(images[0].dtype).max)
+    progress(0.0, "reading blur and noise")
+    pixels = _Places(measure_words(book, images, full), images, options)
+    pixels.look_up_all(progress)
+    book, (place, sigma, contrast, offset), variance = pixels.shown.book, pixels.values, pixels.variance()
+    lit = (pixels.found.top >= options.min_snr * np.sqrt(variance)) & (contrast > 0)
+    lit &= contrast / 2 >= options.min_modulation
+    sure = pixels.sure(variance, lit)
+    good = sure & lit & pixels.fits(variance)
     if good.any():
-        expected, agreed = _predicted(place, good)
-        again = np.flatnonzero(agreed & ~weak & ~(good & (np.abs(place - expected) < ALIKE)))
-        kept, was = every[:, again], left.ravel()[again]
-        start.ravel()[again] = expected.ravel()[again]
-        run_in_bands(lambda a, b: refine(again[a:b]), len(again))
-        near.ravel()[again] = np.abs(place - start).ravel()[again] <= step
-        fits = (near & (left < _bound(k, contrast, variance))).ravel()[again]
-        every[:, again[~fits]], left.ravel()[again[~fits]] = kept[:, ~fits], was[~fits]
-        good.ravel()[again[fits]] = True
-    beyond = _beyond(left / (k - 3), good | near & ~weak)
+        pixels.by_neighbours(good, lit, variance)
+    beyond = _beyond(pixels.left / pixels.freedom, good | pixels.near() & lit)
     sigma *= np.sqrt(beyond)
     inside = (place >= RIM) & (place <= book.lines - 1 - RIM)
     cell = book.cells[np.clip(np.rint(np.nan_to_num(place)), 0, book.lines - 1).astype(int)]
     sigma = np.where(cell > 1, np.maximum(sigma, cell / F(np.sqrt(12))), sigma)  # its middle looks the same everywhere
     stack = [images[n] for n in book.frames]
-    saturated = np.max(stack, axis=0) >= full
-    flags = np.zeros(shape, np.uint8)
+    flags = np.zeros(place.shape, np.uint8)
     for wrong, flag in (
-        (weak, Flag.LOW_MODULATION),
-        (saturated, Flag.SATURATED),
-        (~weak & ~good & ~sure, Flag.UNSURE),
-        (~weak & ~good & sure, Flag.DISAGREEMENT),
+        (~lit, Flag.LOW_MODULATION),
+        (np.max(stack, axis=0) >= full, Flag.SATURATED),
+        (lit & ~good & ~sure, Flag.UNSURE),
+        (lit & ~good & sure, Flag.DISAGREEMENT),
         (good & ~inside, Flag.OUTSIDE),
     ):
         flags |= np.where(wrong, np.uint8(flag), np.uint8(0))
     bad = flags != 0
-    seen = ~bad & (beyond > MUCH**2)
-    word = float(book.fine[usual].std(axis=1).mean())  # of full contrast
-    second = np.sqrt((beyond[seen] - 1) * variance[seen]) / (word * contrast[seen])
-    second_notes = note_on_second_light(second, seen[~bad], SECOND_OF_WORDS)
-    if second_notes:
-        some = np.flatnonzero(seen)[:: max(1, np.count_nonzero(seen) // TOLD)]
-        words = book.values(blurs[some], place.ravel()[some])
-        shown = offset.ravel()[some, None] * steady[0] + contrast.ravel()[some, None] * steady[1] * words
-        if not _from_elsewhere(_grey(flat, some) - shown.T.astype(F), book.shelf(usual)):
-            second_notes = note_on_second_light(second, seen[~bad], ODD_WORDS)
-    even = np.where(weak, np.mean(stack, axis=0), offset + contrast / 2).astype(np.float32)
+    word = float(book.fine[pixels.usual].std(axis=1).mean())
+    notes = _second_light(pixels, ~bad, beyond, variance, word)
+    even = np.where(lit, offset + contrast / 2, np.mean(stack, axis=0)).astype(np.float32)
     progress(1.0, "decoded")
-    return (
+    return _Decoded(
         np.where(bad, F(np.nan), place),
         np.where(bad, F(np.nan), sigma).astype(np.float32),
         np.maximum(contrast / 2, 0).astype(np.float32),
         np.clip(even, 0, full).astype(np.float32),
         flags,
-        noise,
+        pixels.shown.noise,
         word,
-        second_notes,
+        notes,
     )
+
+
+def _second_light(
+    pixels: _Places, valid: NDArray[np.bool_], beyond: Singles, variance: Singles, word: float
+) -> tuple[str, ...]:
+    """What to say of valid pixels that differ from their words `beyond` noise; `word` is the words' contrast."""
+    (place, _, contrast, offset), (book, blur, _, steady) = pixels.values, pixels.shown
+    seen = valid & (beyond > MUCH**2)
+    part = np.zeros_like(place)
+    part[seen] = np.sqrt((beyond[seen] - 1) * variance[seen]) / (word * contrast[seen])
+    seen = part > TELLING
+    notes = note_on_second_light(part[seen], seen[valid], SECOND_OF_WORDS)
+    if notes:
+        some = np.flatnonzero(seen)[:: max(1, np.count_nonzero(seen) // TOLD)]
+        words = book.values(blur.ravel()[some], place.ravel()[some])
+        shown = offset.ravel()[some, None] * steady[0] + contrast.ravel()[some, None] * steady[1] * words
+        if not _from_elsewhere(_grey(pixels.flat, some) - shown.T.astype(F), book.shelf(pixels.usual)):
+            return note_on_second_light(part[seen], seen[valid], ODD_WORDS)
+    return notes
 
 
 def _beyond(misfit: NDArray[np.floating], known: NDArray[np.bool_]) -> Singles:
@@ -214,11 +274,6 @@ def _beyond(misfit: NDArray[np.floating], known: NDArray[np.bool_]) -> Singles:
         for each in (known, np.where(known, misfit, 0))
     )
     return np.asarray(np.maximum(np.where(known, seen / np.maximum(weight, F(TINY)), misfit), 1), np.float32)
-
-
-def _bound(k: int, contrast: Singles, variance: Singles) -> Singles:
-    """Squares up to which a place fits: six standard deviations above their mean, and what the model cannot explain."""
-    return np.asarray((k - 3) + 6 * np.sqrt(2.0 * (k - 3)) + k * np.square(MISFIT * contrast) / variance, np.float32)
 
 
 def _from_elsewhere(left: Singles, shelf: Shelf) -> bool:

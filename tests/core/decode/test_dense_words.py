@@ -84,6 +84,21 @@ def test_sigma_holds_light_by_a_second_way(bench, judge, part: float, rows: slic
     assert float(note.split("about ")[1].split("%")[0]) == pytest.approx(100 * part, rel=0.15)
 
 
+def test_pixels_count_where_light_by_a_second_way_is_as_much_as_is_told(bench) -> None:
+    """A seventh of the image sees 30 %, the rest 4 %: that "all pixels" see "30 %" was told before."""
+    b, patterns, part = bench(height=84, blur=0.6, gain=90, dark=0.3), dense(14), np.full(84, 0.04)
+    part[:12] = 0.3
+    second = replace(b, u=(N - 1 - b.u) * 0.83 + 9)
+    images = [
+        np.rint(image + part[:, None] * b.gain * second.light(p)).astype(np.uint8)
+        for image, p in zip(b.take(patterns), patterns, strict=True)
+    ]
+    (note,) = decode(patterns, images, lines=(N, N)).notes
+    pixels, light = (float(text.split()[-1]) for text in note.split("%")[:2])
+    assert pixels == pytest.approx(100 / 7, abs=6)  # residuals are averaged over three rows
+    assert light == pytest.approx(30, abs=5)
+
+
 @pytest.mark.parametrize(("lamp", "room"), [(0.1, 0.0), (0.0, 0.2), (0.03, 0.2)])
 def test_light_that_flickers_costs_no_accuracy(bench, judge, lamp: float, room: float) -> None:
     """Of every frame offset and gain are found: 1.2 to 3.8 times the noise without, and a second light was blamed."""
