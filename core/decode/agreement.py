@@ -26,7 +26,7 @@ from core.decode.noise import MEDIAN_OF_SQUARE
 from core.decode.options import Flag, invalidate
 from core.decode.pairs import FEWEST, TILES, Pairs, look_at, smooth_at
 from core.decode.tables import PHASES, SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
-from core.numerics import distinct, erf, row_median
+from core.numerics import distinct, erf, median_of, row_median
 
 SHOWN = 1.2  # times what noise alone makes of the median square, from which there is anything to tell
 FAR = 0.4  # turns that a step of the way to the finest phase must round, and nearly rounds to the next
@@ -36,6 +36,7 @@ REACH = 5  # tiles: what leaves orders open in a tile may do so around it
 # a sine, or of 0.29 in their standard deviation; and cosine within pairs below which noise hides them
 ASTRAY, CLEAR = 0.04, 0.1
 CERTAINLY = 0.25  # turns that leave every order open
+HARMONICS, OUTSIDE, HOLD = 4, 25.0, 1e-6  # of a phase by which a period errs; squares by their median, of other errors
 ROWS = 64  # of the image that are judged at once
 
 
@@ -75,8 +76,10 @@ def contradiction(
     spread = period**2 * variance
     finest = np.argsort(table.period)[:2]
     difference, noise = np.diff(apart[finest], axis=0)[0], spread[finest].sum(axis=0)
-    square = difference**2
     weight = 1 / spread / np.sum(1 / spread, axis=0)
+    own = _own(difference, noise, turns[finest], place)
+    rest = difference - (own[1] - own[0])
+    square, bent = rest**2, np.sum(weight[finest] * own, axis=0) ** 2
     of_both = np.sum(period[finest] ** 2)
     share = np.sum((weight * period) ** 2, axis=0) / of_both  # if all are as wrong, in turns
     seen = np.where(np.isfinite(place), np.array([square / noise, square, noise, share]), np.nan)
@@ -101,10 +104,37 @@ def contradiction(
     found = np.pad(np.where(few, np.nan, _beyond(medians) * medians[3]), 1, constant_values=np.nan)
     beside = np.lib.stride_tricks.sliding_window_view(found, (3, 3)).reshape(-1, 9)
     lines = np.nan_to_num(row_median(beside), nan=float(_beyond(whole) * whole[3])).reshape(TILES, TILES)
+    lines += float(np.nanmean(np.where(np.isfinite(place), bent, np.nan)))
     turned = np.nan_to_num(np.where(left_open, _beyond(medians) / of_both, 0.0))
     turned = np.maximum(turned, np.where(astray, CERTAINLY**2 / table.step_error[-1].sum(), 0.0)).astype(np.float32)
     around = np.asarray(cv2.dilate(turned, np.ones((REACH, REACH), np.uint8)), np.float32)
     return Contradiction(np.where(shown_anywhere | left_open, lines, 0.0).astype(np.float32), around, part)
+
+
+def _own(difference: Singles, noise: Singles, turns: Singles, place: Singles) -> Singles:
+    """By what (lines) either of two periods errs as its phase says, the same all over the image, (2, n).
+
+    Lamps that flicker and responses do that; it is nothing of one period that another errs by. What harmonics of both
+    phases explain in one half of the lines must explain the other half; else nothing does.
+    """
+    known = np.isfinite(place)
+    square = np.where(known, difference**2 / noise, 0)
+    known &= square < OUTSIDE * median_of(square[known]) if known.any() else known
+    angle = TWO_PI * turns[:, None] * np.arange(1, HARMONICS + 1)[:, None]
+    waves = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+    design = np.where(known, np.concatenate([waves.reshape(-1, len(place)), np.ones((1, len(place)))]), 0)
+    weight, own = np.where(known, 1 / noise, 0), np.zeros_like(turns)
+    upper = place > median_of(place[known]) if known.any() else known
+    for half in (upper, ~upper):
+        some = design * (weight * half)
+        normal = some @ design.T
+        normal[np.diag_indices(len(normal))] *= 1 + HOLD
+        parts = np.linalg.solve(normal + np.eye(len(normal)) * HOLD, some @ np.where(known, difference, 0))[:-1]
+        explained = np.einsum("jk,jkn->jn", parts.reshape(2, -1), waves)
+        own = np.where(half, own, explained)
+    own *= np.array([[-1.0], [1.0]], np.float32)  # it is the second's less the first's
+    left = np.sum((weight * (difference - own[1] + own[0]) ** 2)[known])
+    return own if left < np.sum((weight * difference**2)[known]) else np.zeros_like(own)
 
 
 def _left_open(
