@@ -257,7 +257,8 @@ def _mend(
         sigma_of_edges(u, sigma, float(table.cell), contrast, even, limits)
     plain = sequence.frames.white, sequence.frames.black
     apart = contradiction(images, table, telling, sequence.image_rows, plain, u)
-    part = second_light(images, table, limits, u) if apart is None else apart.part
+    shown = [part for part in (second_light(images, table, limits, u), apart and apart.part) if part is not None]
+    part = reduce(np.maximum, shown) if shown else None
     more = None if apart is None else apart.lines
     if part is not None:
         bent = bent_by(part, table, limits, u)

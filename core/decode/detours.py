@@ -48,12 +48,14 @@ def second_light(
 
     From all frames and the decoded coordinates in lines; None where the code does not tell, or shows nothing.
     """
-    if table.start != CODE or len(table.period) > 1:
+    if table.start != CODE:
         return None
+    near = _by_edges(images, table, limits, place) if len(table.period) else None
+    if len(table.period) > 1:  # they contradict each other by light from afar
+        return near
     chosen, (few, many), part = _bits(table), LOOKS, None
     if len(chosen) > 1 and _part(images, table, limits, place, chosen, few) is not None:
         part = _part(images, table, limits, place, chosen, many)
-    near = _by_edges(images, table, limits, place) if len(table.period) else None
     return near if part is None else part if near is None else np.maximum(part, near)
 
 

@@ -22,6 +22,9 @@ SEQUENCES = {
 }
 
 
+TWO_SINES = gray_and_phase("x", 640, cell=8, periods=[16.0, 24.0])
+
+
 def decoded(
     patterns: Sequence[Pattern],
     part: float,
@@ -90,18 +93,19 @@ def test_nothing_is_added_to_straight_light(name: str, bench: Callable[..., Benc
     assert not phase.notes
 
 
-@pytest.mark.parametrize(("part", "most"), [(0.08, 1.25), (0.3, 1.8)])
-@pytest.mark.parametrize("name", ["sine", "sine alone"])
+@pytest.mark.parametrize("away", [3.0, 11.0])
+@pytest.mark.parametrize("part", [0.08, 0.3])
+@pytest.mark.parametrize("name", ["sine", "sine alone", "two sines"])
 def test_sigma_holds_light_from_as_few_lines_off_everywhere(
-    name: str, part: float, most: float, bench: Callable[..., Bench]
+    name: str, part: float, away: float, bench: Callable[..., Bench]
 ) -> None:
-    """Eleven lines: no bit level far from edges shows them, but edges no longer lie where phases say. 2.9 without.
+    """No bit level far from edges shows it, but edges no longer lie where phases say. 2.9 to 19 without.
 
-    All phases are turned alike, by up to 1.4 times what is expected of any direction.
+    Edges move as well, less where the light comes straight; of that their two sides tell most.
     """
-    phase, truth = decoded(SEQUENCES[name], part, bench, away=11.0)
+    phase, truth = decoded({**SEQUENCES, "two sines": TWO_SINES}[name], part, bench, away=away)
     score = (phase.u - truth) / phase.sigma_u
     plain, bent = (float(np.sqrt(np.nanmean(np.square(score[rows & ~NEAR])))) for rows in (~FOLDED, FOLDED))
     assert 0.85 < plain < 1.15
-    assert 0.75 < bent < most
+    assert 0.55 < bent < 1.7  # what periods contradict each other is taken for the error of both
     assert any("second way" in note for note in phase.notes)
