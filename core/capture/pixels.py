@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Capture
 from core.model.finding import Finding
-from core.numerics import quantile_of
+from core.numerics import compressed_in_blocks, quantile_of
 from core.patterns import level_of
 
 GRID = 12_000  # pixels sampled
@@ -20,9 +19,7 @@ STEADY = 0.1  # share by which the light may change from one square of 2 px to t
 BESIDE = 4  # grey values to either side that tell how often one is expected
 FILLED = 40  # times
 LEAST_VALUES = 16
-BLOCK, BLOCKS = 8, 20  # px of a JPEG's blocks along a side; fewer of them tell nothing
 UNEVEN = 1.2  # of four neighbours, each with its own all over: taps of one sensor differ by a few hundredths
-AT_EDGES = 0.35  # of them differ most at an edge, by chance an eighth; of 20 along both sides once in 70,000 captures
 SOME = 5  # frames that are looked at
 FLAT = 0.1  # of the brightest frame's range: a column that varies less may be unlit
 EVEN = 0.5  # of the others: a camera's image is not so even where it is lit
@@ -63,22 +60,12 @@ def gaps_among(images: Sequence[NDArray]) -> float:
 
 
 def compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
-    """Neighbours differ most at the edges of blocks, all over a frame, along both sides; best seen in even light."""
-    share = 0.0
+    """Frames, best those lit evenly, show the edges of blocks."""
     even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern) is not None]
-    for image in {id(i): i for i in [*even[:3], images[0]]}.values():
-        sides = []
-        for axis in (0, 1):
-            apart = cv2.absdiff(image[1:], image[:-1]) if axis == 0 else cv2.absdiff(image[:, 1:], image[:, :-1])
-            off = cv2.reduce(apart, 1 - axis, cv2.REDUCE_AVG, dtype=cv2.CV_32F).ravel()
-            blocks = off[BLOCK // 2 :][: (len(off) - BLOCK // 2) // BLOCK * BLOCK].reshape(-1, BLOCK)
-            at_edge = blocks.argmax(axis=1) == BLOCK // 2 - 1
-            sides.append(float(at_edge.mean()) if len(blocks) >= BLOCKS else 0.0)
-        share = max(share, min(sides))
-    if share <= AT_EDGES:
+    if not compressed_in_blocks([*even[:3], images[0]]):
         return []
-    text = f"frames were compressed with losses, in blocks of {BLOCK} px as JPEG makes them: record without compression"
-    return [Finding("compression", "warning", text, {"at_edges": share})]
+    text = "frames were compressed with losses, in blocks of 8 px as JPEG makes them: record without compression"
+    return [Finding("compression", "warning", text)]
 
 
 def enlarged(images: Sequence[NDArray]) -> list[Finding]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.agreement import contradiction, refuse_open_orders, widen
+from core.decode.compressed import COMPRESSED, roughness
 from core.decode.curves import LEVELS
 from core.decode.detours import bent_by, second_light
 from core.decode.edges import sigma_of_edges
@@ -64,6 +65,7 @@ from core.decode.tables import (
 )
 from core.errors import InputError
 from core.model import PhaseMap
+from core.numerics import compressed_in_blocks
 from core.parallel import run_in_bands
 from core.patterns import Axis, Pattern
 from core.progress import SILENT, Progress
@@ -162,13 +164,19 @@ def decode(
     if noise is not None:
         telling = telling._replace(saturation=np.minimum(telling.saturation, np.float32(noise.upto)))
     doubts = [_mend(found, k, sequence, arrays, seen, telling, bool(at_rim >> k & 1)) for k in range(len(AXES))]
+    even = [*sequence.frames.white[:1], *sequence.frames.black[:1]]
+    lossy = compressed_in_blocks([arrays[n] for n in {*even, 0, len(arrays) - 1}])
+    for k in (k for k, table in enumerate(seen.tables) if lossy and len(table.period)):
+        u, sigma = found.over_image(found.place[k], found.sigma[k])
+        widen(sigma, roughness(u, sigma))
     misfit = None
     if options.estimate and estimable(sequence.frames):
         refined, (limits, tables, response, light, _) = Planes(found.place, found.sigma, found.shape[1]), seen
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
         misfit = misfit.reshape(found.shape)
     _draw_and_doubt(found, sequence, seen)
-    return _phase_map(found, misfit, doubts, patterns, arrays, seen)
+    phase = _phase_map(found, misfit, doubts, patterns, arrays, seen)
+    return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase
 
 
 class _Seen(NamedTuple):

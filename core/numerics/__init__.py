@@ -5,10 +5,12 @@ neighbours.py      the nearest of a few hundred places
 marquardt.py       nonlinear least squares of few unknowns
 cholesky.py        a symmetric system: factor, solution, inverse
 small.py           small ones within kernels; not imported here, as it compiles
+blocks.py          images that were compressed with losses
 robust.py          spreads and medians that gross errors do not move; small fits to many places at once
 interpolation.py   between the pixels of an image, and beyond a few known places
 """
 
+from core.numerics.blocks import compressed_in_blocks
 from core.numerics.cholesky import factor_of, inverse_by, solution_by
 from core.numerics.distributions import chi_square_limit, erf, fisher_above, fisher_limit, normal_limit
 from core.numerics.interpolation import four_pixels, from_neighbours
@@ -31,6 +33,7 @@ from core.numerics.robust import (
 __all__ = [
     "MEDIAN_OF_NORMAL",
     "chi_square_limit",
+    "compressed_in_blocks",
     "distinct",
     "erf",
     "factor_of",

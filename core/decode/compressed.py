@@ -1,0 +1,48 @@
+"""What compression with losses (JPEG) does to phases, told by how rough coordinates are.
+
+What it leaves of stripes in a block of pixels is bent, in all steps alike: nothing that should be noise shows it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.decode.noise import MEDIAN_OF_SQUARE
+from core.decode.pairs import FEWEST, TILES
+from core.decode.tables import Singles
+from core.numerics import median_of, row_median
+
+APART = 4  # px between coordinates whose fourth differences show how rough they are: errors within a block are alike
+FOURTH = np.array([1, -4, 6, -4, 1], np.float32)
+EVERY = 3  # so manieth row or column tells it
+COMPRESSED = (
+    "The frames were compressed with losses (JPEG), which bends phases: sigma holds most of that, by how rough the "
+    "coordinates are. Save frames as they are, as PNG or TIFF."
+)
+
+
+def roughness(place: Singles, sigma: Singles) -> Singles:
+    """By what variance (lines²) coordinates (H, W) are rougher than their sigmas, in tiles of the image.
+
+    Across the stripes, along which blocks err alike; and no more than in most tiles beside, as surfaces, too, bend.
+    """
+    some = place[::EVERY, ::EVERY]
+    if median_of(np.abs(np.diff(some, axis=0))) > median_of(np.abs(np.diff(some, axis=1))):
+        return np.ascontiguousarray(roughness(place.T, sigma.T).T)
+    place, square = place[::EVERY], np.square(sigma[::EVERY])
+    bend, expected = np.full((2, *place.shape), np.nan, np.float32)
+    count = place.shape[1] - 4 * APART
+    parts = [slice(k * APART, k * APART + count) for k in range(len(FOURTH))]
+    if count > 0:
+        bend[:, parts[2]] = sum(factor * place[:, part] for factor, part in zip(FOURTH, parts, strict=True))
+        expected[:, parts[2]] = sum(factor**2 * square[:, part] for factor, part in zip(FOURTH, parts, strict=True))
+    beyond = np.square(bend) / np.float32(MEDIAN_OF_SQUARE)
+    rows, columns = (np.linspace(0, size, TILES + 1).astype(int) for size in bend.shape)
+    found = np.full((TILES + 2, TILES + 2), np.nan)
+    for i, j in np.ndindex(TILES, TILES):
+        at = slice(rows[i], rows[i + 1]), slice(columns[j], columns[j + 1])
+        known = np.isfinite(bend[at])
+        if np.count_nonzero(known) >= FEWEST:
+            found[i + 1, j + 1] = median_of(beyond[at][known]) - median_of(expected[at][known])
+    beside = np.lib.stride_tricks.sliding_window_view(found / np.sum(np.square(FOURTH)), (3, 3)).reshape(-1, 9)
+    return np.maximum(np.nan_to_num(row_median(beside)), 0).astype(np.float32).reshape(TILES, TILES)
