@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from core.capture.lookup import dictionary
 from core.errors import InputError
 from core.numerics import distinct, quantile_of, quantiles
-from core.patterns import Axis, Pattern, axis_of, brightness, describe, level_of, use_of
+from core.patterns import Axis, Pattern, axis_of, brightness, cycle_lines, describe, level_of, use_of
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float32]
@@ -31,6 +31,7 @@ MOST_ROUNDS = 12
 FITS = 0.15  # squared distance, white = 1, of a pixel that some line explains; of one wrong frame 1
 SHARE = 0.8  # of the pixels that must be explained
 STARTS = 6  # from which the search begins anew where it ended badly
+ALIKE = 0.02  # in how evenly lines run: orders of steps within their cells, which the misfit tells
 BLURS = (1, 3)  # of the look-up's: sharp and soft
 
 
@@ -171,7 +172,12 @@ def _order(
     by_edges = np.argsort(edges[frames], kind="stable")
     order = np.empty(len(mine), np.intp)
     order[np.argsort(shown, kind="stable")] = by_edges
-    alike = [np.flatnonzero(np.array(shown) == n) for n in set(shown)]
+    # steps of one period have equally many edges, but for one at the end
+    like = [
+        (use_of(p), cycle_lines(p) if use_of(p) == "phase" else n)
+        for p, n in zip([patterns[i] for i in mine], shown, strict=True)
+    ]
+    alike = [np.array([k for k, own in enumerate(like) if own == one]) for one in dict.fromkeys(like)]
     draw, ends = np.random.default_rng(1), []
     for start in range(STARTS):
         progress.check()
@@ -182,7 +188,9 @@ def _order(
             order[some] = order[draw.permutation(some)]
     # several orders can be words of the code: lines then run as in the camera, from left to right and down
     enough = 1.3 * min(misfit for misfit, _ in ends) + 0.01
-    misfit, order = max((end for end in ends if end[0] <= enough), key=lambda end: search.runs(end[1], axis, turned))
+    likely = [(search.runs(end, axis, turned), misfit, end) for misfit, end in ends if misfit <= enough]
+    most = max(runs for runs, _, _ in likely)
+    misfit, order = min(((misfit, end) for runs, misfit, end in likely if runs > most - ALIKE), key=lambda one: one[0])
     return misfit, {i: frames[k] for i, k in zip(mine, order, strict=True)}
 
 

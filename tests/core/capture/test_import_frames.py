@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from itertools import chain
 from pathlib import Path
 
 import cv2
@@ -14,13 +15,15 @@ from numpy.typing import NDArray
 
 from core.capture.importing import import_frames, natural, sequence_of
 from core.capture.quality import noise_of_one
+from core.capture.recognise import recognise
 from core.cli import main
 from core.decode import decode
 from core.errors import InputError
 from core.model import DeviceSpec, Subject
-from core.patterns import axis_of, brightness, parse_sequence, pattern_to_dict
+from core.patterns import Black, Phase, White, axis_of, brightness, gray_and_phase, parse_sequence, pattern_to_dict
 from core.project import create_project, read_capture, read_project
 from core.project.made import FILE as MADE
+from tests.core.capture.test_stored_frames import LINES, render
 
 A = Subject("object", "a")
 SIZE = (64, 48)  # of the projector
@@ -338,3 +341,14 @@ def test_an_order_found_by_content_is_right_or_refused(project: Path, tmp_path: 
     both = np.isfinite(taken.u) & np.isfinite(truth.u) & np.isfinite(taken.v) & np.isfinite(truth.v)
     assert both.sum() > 0.9 * np.isfinite(truth.u).sum()
     assert np.quantile(np.hypot(taken.u - truth.u, taken.v - truth.v)[both], 0.99) < 0.5
+
+
+def test_steps_whose_last_edge_lies_beyond_the_lines_are_put_in_order() -> None:
+    """Of the steps of a period some have an edge less; they are exchanged with the others all the same."""
+    each = (gray_and_phase(axis, 160, cell=8, periods=[16.0], steps=4) for axis in "xy")  # type: ignore[arg-type]
+    patterns = [*chain(*each), White(), Black()]
+    shuffled = np.random.default_rng(5).permutation(len(patterns))
+    images = render(patterns, 5)
+    found = recognise([images[k] for k in shuffled], patterns, LINES, "test")
+    steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase)]
+    assert [shuffled[found[k]] for k in steps] == steps
