@@ -72,20 +72,22 @@ def end_notes(ends: Mapping[str, Sequence[End]], projector: DeviceSpec) -> dict[
     return notes
 
 
-def code_concerns(captures: Sequence[Capture], projector: DeviceSpec) -> list[Concern]:
-    """Compare the numbers that the codes can tell with the lines that project.json gives the projector."""
-    short: dict[tuple[str, int, int], list[str]] = {}
-    for capture in captures:
+def code_concerns(captures: Sequence[Capture], projectors: Mapping[str, DeviceSpec]) -> list[Concern]:
+    """Compare the numbers that the codes can tell with the lines that project.json gives their projector."""
+    short: dict[tuple[str, int, int], dict[str, None]] = {}
+    for series in (series for capture in captures for series in capture.series if series.projector in projectors):
+        projector = projectors[series.projector]
+        name = series.name if len(projectors) == 1 else f"{series.name} by {series.projector}"
         for axis, lines in (("x", projector.width), ("y", projector.height)):
-            codes = [f.pattern for f in capture.frames if isinstance(f.pattern, Code) and f.pattern.axis == axis]
+            codes = [f.pattern for f in series.frames if isinstance(f.pattern, Code) and f.pattern.axis == axis]
             if not codes:
                 continue
             told = max(code.cell << code.bits for code in codes)
             # one code may serve both axes
             if told < lines or told >= 2 * max(projector.width, projector.height) + 2 * codes[0].cell:
-                short.setdefault((axis, told, lines), []).append(capture.name)
+                short.setdefault((axis, told, lines), {})[name] = None
     concerns = []
-    for (axis, told, lines), names in short.items():
+    for (axis, told, lines), names in ((key, list(named)) for key, named in short.items()):
         word = "width" if axis == "x" else "height"
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         if told < lines:

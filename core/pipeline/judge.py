@@ -41,7 +41,10 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     )
     sets = [t for t in evidence.sets if t.capture in taking_part]
     twice = twice or repeated_targets(sets)
-    of_captures, greys = [*twice, *code_concerns(evidence.captures, projector)], grey_concerns(sets)
+    of_captures, greys = (
+        [*twice, *code_concerns(evidence.captures, evidence.project.rig.projectors)],
+        grey_concerns(sets),
+    )
     of_captures += response_concerns(sets, evidence.project.rig.projectors)
     result: dict[Method, Any] = dict(evidence.calibrations)
     for name, calibration in result.items():
