@@ -88,6 +88,9 @@ class MainWindow(QMainWindow):
         bench.jobs.changed.connect(self._jobs_changed)
 
     def _own_actions(self) -> list[Action]:
+        return [*self._page_actions(), *self._window_actions()]
+
+    def _page_actions(self) -> list[Action]:
         return [
             Action(
                 "run.stage",
@@ -129,6 +132,10 @@ class MainWindow(QMainWindow):
                 1,
                 lambda bench: bench.jobs.busy,
             ),
+        ]
+
+    def _window_actions(self) -> list[Action]:
+        return [
             Action(
                 "view.full",
                 translate("Actions", "&Full screen"),
