@@ -25,14 +25,14 @@ def join(  # type: ignore[no-untyped-def]
     Unknown are ambient light b, gain s and the phases: mean = b + s m(phase), amplitude = s r(phase), and the phase as
     measured. The phases are eliminated. `known` says that threshold and contrast are those of white and black.
     """
-    joint, bend, covariance, cofactors = table.joint, table.bend, table.covariance, table.mean_cofactor
+    joint, bend = table.joint, table.bend
     if len(joint) == 0:
         return
     periods, grid = len(joint), joint.shape[2]
     for i in range(count):
         light, parts = F(0), TINY
         for j in range(periods):
-            at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
+            at = _place(turns[j, i], grid)
             light += amplitudes[j, i]
             parts += joint[j, 1, at]
         gain = light / parts
@@ -44,13 +44,8 @@ def join(  # type: ignore[no-untyped-def]
             weight, low, high = ONE / spread, threshold[i] - contrast[i], threshold[i] + contrast[i]
             bb, bs, ss, rb, rs = F(2) * weight, weight, weight, weight * (low + high), weight * high
         for j in range(periods):
-            at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
-            m, r, m1, r1, t1 = joint[j, 0, at], joint[j, 1, at], joint[j, 2, at], joint[j, 3, at], joint[j, 4, at]
-            noise = _variance(limits, means[j, i], amplitudes[j, i])
-            across = ONE / (noise * covariance[j, 0] + TINY)
-            wm, wa = ONE / (noise * cofactors[j] + slack), ONE / (noise * covariance[j, 0] + slack)
-            g1, g2 = gain * m1 * wm, gain * r1 * wa
-            d = gain * gain * (m1 * m1 * wm + r1 * r1 * wa + t1 * t1 * across) + TINY
+            at = _place(turns[j, i], grid)
+            m, r, wm, wa, g1, g2, d = _weights(table, j, at, limits, means[j, i], amplitudes[j, i], gain, slack)
             w11, w12, w22 = wm - g1 * g1 / d, -g1 * g2 / d, wa - g2 * g2 / d
             one, two = w11 * means[j, i] + w12 * amplitudes[j, i], w12 * means[j, i] + w22 * amplitudes[j, i]
             bb += w11
@@ -64,13 +59,8 @@ def join(  # type: ignore[no-untyped-def]
         qbb, qbs, qss = ss / det, -bs / det, bb / det
         b, s = qbb * rb + qbs * rs, qbs * rb + qss * rs
         for j in range(periods):
-            at = min(max(INT((turns[j, i] - _whole(turns[j, i]) + HALF) * F(grid)), 0), grid - 1)
-            m, r, m1, r1, t1 = joint[j, 0, at], joint[j, 1, at], joint[j, 2, at], joint[j, 3, at], joint[j, 4, at]
-            noise = _variance(limits, means[j, i], amplitudes[j, i])
-            across = ONE / (noise * covariance[j, 0] + TINY)
-            wm, wa = ONE / (noise * cofactors[j] + slack), ONE / (noise * covariance[j, 0] + slack)
-            g1, g2 = gain * m1 * wm, gain * r1 * wa
-            d = gain * gain * (m1 * m1 * wm + r1 * r1 * wa + t1 * t1 * across) + TINY
+            at = _place(turns[j, i], grid)
+            m, r, _, _, g1, g2, d = _weights(table, j, at, limits, means[j, i], amplitudes[j, i], gain, slack)
             shift = (g1 * (means[j, i] - b - s * m) + g2 * (amplitudes[j, i] - s * r)) / d
             h1, h2 = g1 / d, (g1 * m + g2 * r) / d
             var = ONE / d + h1 * h1 * qbb + F(2) * h1 * h2 * qbs + h2 * h2 * qss + bend[j, 0, at + 1, 3]
@@ -80,12 +70,25 @@ def join(  # type: ignore[no-untyped-def]
 
 
 @part
+def _weights(table, j, at, limits, mean, amplitude, gain, slack):  # type: ignore[no-untyped-def]
+    """Mean and amplitude by unit gain, their weights, these times how both change over the phase; its own weight."""
+    of = table.joint
+    m, r, m1, r1, t1 = of[j, 0, at], of[j, 1, at], of[j, 2, at], of[j, 3, at], of[j, 4, at]
+    noise, cofactor = _variance(limits, mean, amplitude), table.covariance[j, 0]
+    across = ONE / (noise * cofactor + TINY)
+    wm, wa = ONE / (noise * table.mean_cofactor[j] + slack), ONE / (noise * cofactor + slack)
+    d = gain * gain * (m1 * m1 * wm + r1 * r1 * wa + t1 * t1 * across) + TINY
+    return m, r, wm, wa, gain * m1 * wm, gain * r1 * wa, d
+
+
+@part
 def _variance(limits, level, modulation):  # type: ignore[no-untyped-def]
     """Variance of a grey value: noise and misfit."""
     return max(limits.dark + limits.shot * level, limits.floor) + limits.misfit * modulation * modulation
 
 
 @part
-def _whole(turns):  # type: ignore[no-untyped-def]
-    """The whole turns of a phase that straightening may have carried beyond half a turn."""
-    return ONE if turns >= HALF else (-ONE if turns < -HALF else F(0))
+def _place(turns, grid):  # type: ignore[no-untyped-def]
+    """Where the tables have a phase, which straightening may have carried beyond half a turn."""
+    whole = ONE if turns >= HALF else (-ONE if turns < -HALF else F(0))
+    return min(max(INT((turns - whole + HALF) * F(grid)), 0), grid - 1)
