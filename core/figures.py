@@ -48,6 +48,10 @@ def adjustment_figures(adjustment: Adjustment) -> Figures:
         "orientations": {
             name: {"from": bases[name], **pose_figures(pose)} for name, pose in adjustment.relative.items()
         },
+        "poses": {
+            name: pose_figures(pose)
+            for name, pose in zip(adjustment.network.station_names, adjustment.station_from_object, strict=True)
+        },
         "points": {
             name: {"xyz_mm": [float(x) for x in xyz], "sigma_um": [plain(1e3 * math.sqrt(v)) for v in np.diag(cov)]}
             for name, xyz, cov in zip(

@@ -325,6 +325,19 @@ def test_a_rigid_network_there_and_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.point_sigma_mm, known)
 
 
+def test_poses_points_and_residuals_are_those_of_one_geometry() -> None:
+    network, *_ = rigid_pair(CAMERA, CAMERA_TRUTH)
+    adjusted = adjust(network)
+    figures = json.loads(json.dumps(adjustment_figures(adjusted)))
+    points = np.array([figures["points"][name]["xyz_mm"] for name in network.point_names])
+    for k, (name, device) in enumerate(zip(network.station_names, network.station_device, strict=True)):
+        mine = network.observation_station == k
+        pose = Pose(np.array(figures["poses"][name]["rotation"]), np.array(figures["poses"][name]["translation_mm"]))
+        spec, interior = network.devices[device].spec, adjusted.devices[device].interior
+        there = project(spec, interior, points[network.observation_point[mine]], pose)
+        np.testing.assert_allclose(network.observation_uv[mine] - there, adjusted.residuals[mine], atol=1e-6)
+
+
 def test_stations_of_rigid_devices_belong_together_in_their_order(tmp_path: Path) -> None:
     network, *_ = rigid_pair(CAMERA, CAMERA_TRUTH)
     write_network(tmp_path, network)
