@@ -28,7 +28,9 @@ def add(commands: Commands) -> None:
 
 
 def _scenario(sub: Parser) -> None:
-    sub.add_argument("--scenario", default="paper", metavar="NAME", help="paper (default), modern or quick")
+    sub.add_argument(
+        "--scenario", default="paper", metavar="NAME", help="paper (default), modern, stereo (two cameras) or quick"
+    )
     sub.add_argument("--seed", type=int, default=0)
     sequence_argument(sub)
 
