@@ -20,8 +20,8 @@ from core.model.finding import Finding
 from core.numerics import sigma_about_median
 from core.patterns import Axis, Code, Pattern, Phase, brightness
 
-SECTIONS = 64  # rows and columns of an image that are looked at, and of these as many pixels where phases are compared
-CODES = 4  # finest frames of the code
+SECTIONS = 32  # rows and columns of an image that are looked at, and of these as many pixels where phases are compared
+CODES = 3  # finest frames of the code
 CLEAR = 0.4  # of a frame's usual difference from the mean light, which both sides of an edge have together
 LEAST, FEWEST = 8, 5  # pixels that tell an edge or a cycle, and such edges or cycles that tell something
 SCATTER = 0.25  # of a cell or period, beyond which pixels of one edge or cycle are in doubt
@@ -133,7 +133,7 @@ def _of_periods(
     patterns: Sequence[Pattern], images: Sequence[NDArray], lines: NDArray, steps: dict[float, list[int]]
 ) -> str:
     """Compare the finest period with the next one of which the field has some cycles."""
-    thin = tuple(slice(None, None, -(-n // (2 * SECTIONS))) for n in lines.shape)
+    thin = tuple(slice(None, None, -(-n // (4 * SECTIONS))) for n in lines.shape)
     u = np.asarray(lines[thin], np.float64)
     valid = np.isfinite(u)
     u = u[valid]

@@ -43,7 +43,7 @@ MOVED_PX = 0.5
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
 ALL_ROUND = 0.3  # mean of phases as unit vectors: some periods are seen
-DOUBLED, FAR, THIN = 0.1, 0.05, 2000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
+DOUBLED, FAR, THIN = 0.1, 0.05, 8000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 
 
@@ -79,7 +79,7 @@ def check_stored(
             named = [replace(f, text=f.text + hint) for f in named]
         found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
         if not any(f.check in ("light", "saturation") for f in found):
-            found += _doubled(plan, sampled) or _contradictions(plan, sampled, lines)
+            found += _doubled(plan, images, sampled.noise) or _contradictions(plan, sampled, lines)
         found += _halves(plan, images)
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
@@ -202,29 +202,28 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
     return found
 
 
-def _doubled(plan: Plan, sampled: Sampled) -> list[Finding]:
+def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Finding]:
     """Find steps that differ by hardly more than noise, where others of their period differ as their shifts say."""
-    at = np.flatnonzero(sampled.bright)
-    if len(at) < LEAST_LIT:
-        return []
-    grey = sampled.grey[:, at[:: -(-len(at) // THIN)]]
+    rng = np.random.default_rng(0)  # a grid may beat with the lines
+    at = tuple(rng.integers(0, n, THIN) for n in images[0].shape)
     steps: dict[tuple[Axis, float], list[int]] = {}
     for k, p in enumerate(plan.shots):
         if isinstance(p, Phase):
             steps.setdefault((p.axis, p.period), []).append(k)
     for own in (own for own in steps.values() if len(own) >= 3):
         shifts = np.array([p.shift_rad for k in own if isinstance(p := plan.shots[k], Phase)])
-        wave = (grey[own] - grey[own].mean(axis=0)).T @ np.exp(1j * shifts)
-        if abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
+        grey = np.array([images[k][at] for k in own], np.float64)
+        swing = np.ptp(grey, axis=0)
+        grey = grey[:, swing > max(BRIGHT * quantile_of(swing, 0.97), 5 * noise)]
+        wave = (grey - grey.mean(axis=0)).T @ np.exp(1j * shifts)
+        if grey.shape[1] < LEAST_LIT or abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
             continue  # less than a period is seen
         pairs = [(i, k, 1 - np.cos(shifts[i] - shifts[k])) for i, k in combinations(range(len(own)), 2)]
         squares = {
-            (own[i], own[k]): float(np.mean((grey[own[i]] - grey[own[k]]) ** 2)) / meant
-            for i, k, meant in pairs
-            if meant > FAR
+            (own[i], own[k]): float(np.mean((grey[i] - grey[k]) ** 2)) / meant for i, k, meant in pairs if meant > FAR
         }
         usual, (least, (first, second)) = median_of([*squares.values()]), min((s, pair) for pair, s in squares.items())
-        if least < DOUBLED * usual and 2 * sampled.noise**2 < DOUBLED * FAR * usual:
+        if least < DOUBLED * usual and 2 * noise**2 < DOUBLED * FAR * usual:
             text = (
                 f"frames {first} and {second} show the same stripes: they differ by {(least / usual) ** 0.5:.0%} of "
                 "what their shifts make; one stands for the other, or the projector did not change: record it again"
