@@ -25,8 +25,7 @@ def misplaced_concerns(board: Testfield, adjustment: Adjustment, sets: Sequence[
     told = [*_elsewhere(board, adjustment, spacing), *(_nowhere(board, sets, spacing) if len(sets) >= CAPTURES else [])]
     if len(told) > MOST:
         return []
-    remedy = "correct its x_mm, y_mm and z_mm in the testfield file"
-    return [Concern("doubtful", f"testfield: {text}: {remedy}", "board") for text in told]
+    return [Concern("doubtful", text, "board") for text in told]
 
 
 def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list[str]:
@@ -42,8 +41,9 @@ def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list
     size = np.linalg.norm(off, axis=1)
     usual = median_of(size)
     return [
-        f"target {adjustment.network.point_names[known[k]]} is seen {size[k]:.2g} mm from where the file has it ("
-        f"{off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f}), half of the others within {usual:.2g} mm"
+        f"testfield: target {adjustment.network.point_names[known[k]]} is seen {size[k]:.2g} mm from where the file "
+        f"has it ({off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f}), half of the others within {usual:.2g} mm: "
+        "correct its x_mm, y_mm and z_mm in the testfield file"
         for k in np.flatnonzero(size > np.maximum(max(FAR * usual, OFF * spacing), FAR * sigma)).tolist()
     ]
 
@@ -56,8 +56,9 @@ def _nowhere(board: Testfield, sets: Sequence[TargetSet], spacing: float) -> lis
     if len(size) < LEAST or median_of(size) > EVEN * spacing:
         return []
     return [
-        f"target {row}/{col} is seen nowhere, and the file has it {size[k]:.3g} mm beside its row and column ("
-        f"{off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f})"
+        f"testfield: target {row}/{col} is seen nowhere, and the file has it {size[k]:.3g} mm beside its row and "
+        f"column ({off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f}): correct its x_mm, y_mm and z_mm in the "
+        "testfield file"
         for (row, col), k in board.index().items()
         if (row, col) not in seen and size[k] > UNSEEN * spacing
     ]
