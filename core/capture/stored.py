@@ -43,7 +43,7 @@ MOVED_PX = 0.5
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
 ALL_ROUND = 0.3  # mean of phases as unit vectors: some periods are seen
-DOUBLED, FAR, THIN = 0.1, 0.05, 8000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
+DOUBLED, FAR, THIN = 0.03, 0.05, 8000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 
 
