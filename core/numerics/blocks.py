@@ -20,7 +20,9 @@ def compressed_in_blocks(images: Sequence[NDArray[Any]]) -> bool:
 
 def _at_edges(image: NDArray[Any], axis: int) -> float:
     """Part of the blocks along an axis in whose rows or columns neighbours differ most at an edge."""
+    if image.shape[axis] <= BLOCKS * BLOCK + BLOCK // 2:
+        return 0.0
     apart = cv2.absdiff(image[1:], image[:-1]) if axis == 0 else cv2.absdiff(image[:, 1:], image[:, :-1])
     off = cv2.reduce(apart, 1 - axis, cv2.REDUCE_AVG, dtype=cv2.CV_32F).ravel()
     blocks = off[BLOCK // 2 :][: (len(off) - BLOCK // 2) // BLOCK * BLOCK].reshape(-1, BLOCK)
-    return float(np.mean(blocks.argmax(axis=1) == BLOCK // 2 - 1)) if len(blocks) >= BLOCKS else 0.0
+    return float(np.mean(blocks.argmax(axis=1) == BLOCK // 2 - 1))
