@@ -72,6 +72,13 @@ def print_verdict(name: str, verdict: dict[str, Any]) -> None:
         print(f"  {text}")
 
 
+def print_plane_verdicts(planes: list[dict[str, Any]], several: bool) -> None:
+    """Print the verdicts on planes, with the devices where there are several."""
+    for plane in planes:
+        pair = f", {plane['camera']} with {plane['projector']}" if several else ""
+        print_verdict(f"{plane['capture']}{pair}, {plane['method']}", plane["verdict"])
+
+
 def print_left_out(entries: list[dict[str, Any]]) -> None:
     """Print what was left out, the greatest share first."""
     if not entries:

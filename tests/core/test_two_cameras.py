@@ -6,6 +6,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from core.bench import experiment
 from core.bench.truth import truth_maps
 from core.cli import main
+from core.demo import Demo
 from core.errors import InputError
 from core.geometry import pair_of
 from core.geometry import project as project_points
@@ -47,6 +49,19 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     assert main(["calibrate", str(folder), "--json", str(folder / "calibration.json")]) == 0
     assert main(["evaluate", str(folder), "--json", str(folder / "evaluation.json")]) == 0
     return read_project(folder)
+
+
+def test_the_demo_tells_the_verdicts_of_whatever_methods_there_are(project: Project, capsys, monkeypatch) -> None:
+    """Two cameras have no depth method: its verdict was asked for, and the demo ended in a KeyError."""
+    figures = json.loads((project.path / "calibration.json").read_text())
+    figures |= json.loads((project.path / "evaluation.json").read_text())
+    assert "polynomial" not in figures
+    report = SimpleNamespace(html="report.html", pdf="report.pdf")
+    monkeypatch.setattr("core.demo.run_demo", lambda *args, **how: Demo("tables", figures, report))
+    assert main(["demo", str(project.path), "--scenario", "stereo"]) == 0
+    told = capsys.readouterr().out
+    assert "photogrammetric: passed" in told
+    assert "left with projector, photogrammetric: " in told
 
 
 def test_files_name_the_cameras(project: Project) -> None:

@@ -36,15 +36,16 @@ def _scenario(sub: Parser) -> None:
 
 
 def _demo(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.cli.console import print_verdict
+    from core.cli.console import print_plane_verdicts, print_verdict
     from core.demo import run_demo
+    from core.project import read_project
 
     sequence = chosen_sequence(options)
     demo = run_demo(options.folder, options.scenario, options.seed, progress, sequence=sequence)
-    for method in ("photogrammetric", "polynomial"):
-        print_verdict(method, demo.figures[method]["verdict"])
-    for plane in demo.figures["planes"]:
-        print_verdict(f"{plane['capture']}, {plane['method']}", plane["verdict"])
+    for method in pipeline.METHODS:
+        if method in demo.figures:  # two cameras have no depth method
+            print_verdict(method, demo.figures[method]["verdict"])
+    print_plane_verdicts(demo.figures["planes"], not read_project(options.folder).rig.is_pair)
     print()
     print(demo.text)
     print(f"\nproject  {options.folder}\nreport   {demo.report.html}\n         {demo.report.pdf}")

@@ -9,7 +9,7 @@ from typing import Any
 
 from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, check_out, method_name, method_or_all
-from core.cli.console import print_left_out, print_verdict
+from core.cli.console import print_left_out, print_plane_verdicts, print_verdict
 from core.errors import InputError, StripeError
 from core.progress import Progress
 
@@ -222,9 +222,7 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     project = options.project
     evaluations = pipeline.evaluate_project(project, progress)
     figures = evaluation_figures(evaluations)
-    for plane in figures["planes"]:
-        pair = "" if project.rig.is_pair else f", {plane['camera']} with {plane['projector']}"
-        print_verdict(f"{plane['capture']}{pair}, {plane['method']}", plane["verdict"])
+    print_plane_verdicts(figures["planes"], not project.rig.is_pair)
     print()
     print(pipeline.table_of_planes(project, evaluations))
     _tell_outdated(options)
