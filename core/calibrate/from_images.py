@@ -20,6 +20,7 @@ from core.calibrate.selection import Warnings, known_points
 from core.errors import AdjustmentError
 from core.geometry import Pose, nominal, pixel_to_image, similarity, undistort
 from core.model import Array, Ints, Network
+from core.numerics import distinct
 
 LEAST_COMMON = 8  # points of two stations: five orient them, the others tell which solution is the right one
 PAIRS = 40  # of stations that are tried, those with most points in common first
@@ -70,7 +71,7 @@ def _views_of(network: Network) -> Views:
         own, interior = device_of == name, nominal(device.spec)
         tangents[own] = undistort(interior, pixel_to_image(device.spec, network.observation_uv[own])) / interior.c_mm
     views = {}
-    for station in np.unique(network.observation_station).tolist():
+    for station in distinct(network.observation_station).tolist():
         rows = np.flatnonzero((network.observation_station == station) & np.isfinite(tangents).all(axis=1))
         rows = rows[np.argsort(network.observation_point[rows])]
         views[station] = network.observation_point[rows], tangents[rows]

@@ -104,7 +104,8 @@ def contradiction(
     found = np.pad(np.where(few, np.nan, _beyond(medians) * medians[3]), 1, constant_values=np.nan)
     beside = np.lib.stride_tricks.sliding_window_view(found, (3, 3)).reshape(-1, 9)
     lines = np.nan_to_num(row_median(beside), nan=float(_beyond(whole) * whole[3])).reshape(TILES, TILES)
-    lines += float(np.nanmean(np.where(np.isfinite(place), bent, np.nan)))
+    known = np.isfinite(place)
+    lines += float(bent[known].mean()) if known.any() else 0.0
     turned = np.nan_to_num(np.where(left_open, _beyond(medians) / of_both, 0.0))
     turned = np.maximum(turned, np.where(astray, CERTAINLY**2 / table.step_error[-1].sum(), 0.0)).astype(np.float32)
     around = np.asarray(cv2.dilate(turned, np.ones((REACH, REACH), np.uint8)), np.float32)

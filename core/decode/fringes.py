@@ -230,6 +230,20 @@ def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ig
 
 
 @part
+def fit_at(periods, turns, variance, more, i, place):  # type: ignore[no-untyped-def]
+    """How all phases of a pixel fit a place: by how much their mean is off it, its weight, and chi squared about it."""
+    square, moment, weights = F(0), F(0), TINY
+    for j in range(len(periods)):
+        d = periods[j] * turn_of(turns[j, i] - (place + HALF) / periods[j])
+        weight = ONE / (periods[j] * periods[j] * (variance[j, i] + more) + TINY)
+        square += weight * d * d
+        moment += weight * d
+        weights += weight
+    shift = moment / weights
+    return shift, weights, square - moment * shift
+
+
+@part
 def search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-def]
     """The likeliest place of a pixel on the projector, and chi squared there and at the likeliest of all others.
 
@@ -245,15 +259,7 @@ def search(table, turns, variance, more, i, place):  # type: ignore[no-untyped-d
     best, second, found = F(1e9), F(1e9), place
     for k in range(INT(lines / period) + 3):
         u = first + F(k) * period
-        square, moment, weights = F(0), F(0), TINY
-        for j in range(len(periods)):
-            d = periods[j] * turn_of(turns[j, i] - (u + HALF) / periods[j])
-            weight = ONE / (periods[j] * periods[j] * (variance[j, i] + more) + TINY)
-            square += weight * d * d
-            moment += weight * d
-            weights += weight
-        shift = moment / weights
-        cost = square - moment * shift
+        shift, _, cost = fit_at(periods, turns, variance, more, i, u)
         if u + shift >= -HALF and u + shift <= lines - HALF:
             second = min(second, max(cost, best))
             best, found = (cost, u + shift) if cost < best else (best, found)

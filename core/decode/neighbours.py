@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.agreement import decoded_at
-from core.decode.compiled import HALF, ONE, TINY, F, fast, part, turn_of
+from core.decode.compiled import HALF, ONE, F, fast, part
 from core.decode.frames import Image
-from core.decode.fringes import EVIDENCE, FITTING, search
+from core.decode.fringes import EVIDENCE, FITTING, fit_at, search
 from core.decode.options import Flag
 from core.decode.tables import CODE, AxisTable, Limits, Rows, Shorts, Singles
 from core.parallel import run_in_bands
@@ -27,10 +27,7 @@ WORTH = 0.002  # of the image, from which open orders are looked at
 REACH, NEAR = 3, 2  # px around, whose coordinates make the plane, and whose phases are held against it
 FEWEST = 8  # coordinates that make a plane
 SURELY = F(5)  # standard deviations by which a pixel may differ from the plane
-QUARTER, ROUGH = (
-    F(0.25),
-    F(1 / 16),
-)  # of the finest period: as far as it may differ at most; scatter of a plane's points
+QUARTER, ROUGH = F(0.25), F(1 / 16)  # of the finest period: as far as it may differ; scatter of a plane's points
 FLAT = F(1e-3)  # of its points' spread both ways: less is a line, not a plane
 AMID = F(0.08)  # variance of the plane by that of its points, where these lie all around: beside an edge it is 0.2
 AGAINST = F(6)  # by how much a pixel amid others may itself be likelier in another order, as twice a logarithm
@@ -76,7 +73,7 @@ def ask_neighbours(
     number = np.full(place.shape, -1, np.int32)
     number[row, column] = np.arange(len(row))
     pixels = Open(row, column, turns, variance, np.empty((3, len(row)), np.float32), number)
-    run_in_bands(lambda first, last: weigh_orders(table, pixels, first, last), len(row), 4096)
+    run_in_bands(partial(weigh_orders, table, pixels), len(row), 4096)
     left = np.arange(len(row), dtype=np.int32)
     for _ in range(PASSES):
         found = np.empty((2, len(left)), np.float32)
@@ -100,25 +97,12 @@ def weigh_orders(table, pixels, first, last):  # type: ignore[no-untyped-def]
 
 
 @part
-def _fit(turns, variance, periods, i, place):  # type: ignore[no-untyped-def]
-    """The order nearest to a place: by how much its coordinate is off, its weight, and chi squared."""
-    square, moment, weights = F(0), F(0), TINY
-    for j in range(len(periods)):
-        d = periods[j] * turn_of(turns[j, i] - (place + HALF) / periods[j])
-        weight = ONE / (periods[j] * periods[j] * variance[j, i] + TINY)
-        square += weight * d * d
-        moment += weight * d
-        weights += weight
-    return moment / weights, weights, square - moment * moment / weights
-
-
-@part
 def _evidence(pixels, periods, i, place):  # type: ignore[no-untyped-def]
     """By how much a pixel is likelier in the order nearest to a place than in any other, as twice a logarithm."""
     found, best, second = pixels.likeliest[0, i], pixels.likeliest[1, i], pixels.likeliest[2, i]
     if abs(found - place) < HALF * periods[0]:
         return second - best
-    return best - _fit(pixels.turns, pixels.variance, periods, i, place)[2]
+    return best - fit_at(periods, pixels.turns, pixels.variance, F(0), i, place)[2]
 
 
 @fast
@@ -158,7 +142,7 @@ def tell_orders(left, pixels, periods, coded, place, sigma, found, first, last):
             continue
         expected = base + g - a * sx - b * sy
         leverage = ONE / n + (sx * sx * syy - F(2) * sx * sy * sxy + sy * sy * sxx) / det
-        shift, weight, misfit = _fit(pixels.turns, pixels.variance, periods, i, expected)
+        shift, weight, misfit = fit_at(periods, pixels.turns, pixels.variance, F(0), i, expected)
         allowed = SURELY * SURELY * (ONE / weight + scatter * (ONE + leverage))
         if misfit > FITTING or shift * shift > min(allowed, QUARTER * QUARTER * periods[0] * periods[0]):
             continue
