@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from core.calibrate.columns import without_unobservable
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
 from core.calibrate.elimination import invert
-from core.calibrate.equations import Equations, linearise, misclosures
-from core.calibrate.from_images import located_by_images, on_a_line
+from core.calibrate.equations import Equations, cost_of, linearise, misclosures
+from core.calibrate.from_images import dimensions, located_by_images
 from core.calibrate.groups import without, wrong_group
 from core.calibrate.initial import initial_state, misplaced, oriented_anew
 from core.calibrate.iterate import NotConvergedError, iterate
@@ -35,11 +36,11 @@ from core.calibrate.state import State, interior_of, station_orientations
 from core.calibrate.weakness import (
     ORIENTATION,
     BehindError,
+    MirroredError,
     UndeterminedError,
     check_estimable,
     contradicted_error,
     geometry_warnings,
-    mirrored_error,
     singular_error,
     unsolved_error,
     usual_variance,
@@ -56,6 +57,7 @@ DOUBTED = 3.0  # σ0 of a solution beyond which another one is looked for
 UNEVEN = 2.0  # its square over that of the bulk of the observations, likewise
 ORIENTED = 3  # times
 SAME = 1e-6  # share by which the variances of one and the same solution differ
+SAME_START = 1e-3  # and vᵀPv of approximate values that lead nowhere else
 LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
 
 
@@ -77,6 +79,25 @@ class Solved:
     def variance(self) -> float:
         """A posteriori variance of unit weight, sigma0²."""
         return self.equations.cost / self.problem.redundancy
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A network with approximate values of its unknowns."""
+
+    network: Network
+    problem: Problem
+    state: State
+
+    @cached_property
+    def cost(self) -> float:
+        """vᵀPv there."""
+        return cost_of(self.problem, self.state)
+
+    @cached_property
+    def robust(self) -> State:
+        """What the bulk of the observations agrees on, from there."""
+        return robust_state(self.problem, self.state)
 
 
 class _SettledError(AdjustmentError):
@@ -116,12 +137,15 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     except _SettledError:
         raise
     except AdjustmentError:
-        every = () if on_a_line(network.point_xyz_mm) else tuple(network.devices)
-        if every and _fits(_mirrored(network, every), options):
-            raise mirrored_error(", ".join(every)) from None
+        extent = dimensions(network.point_xyz_mm)
+        every = tuple(network.devices) if extent > 1 else ()
+        # mirrored images of a flat board are those of its back
+        told = extent > 2 or any(device.spec.interior is not None for device in network.devices.values())
+        if every and told and _fits(_mirrored(network, every), options):
+            raise MirroredError(", ".join(every)) from None
         single = every if len(every) > 1 else ()
         if alone := [name for name in single if _fits(_mirrored(network, (name,)), options)]:
-            raise mirrored_error(" or ".join(alone)) from None
+            raise MirroredError(" or ".join(alone)) from None
         if not network.point_ids and (located := located_by_images(network)):
             with suppress(AdjustmentError):
                 solved, warnings = _solved(located[0], options, progress)
@@ -170,7 +194,7 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
     network, problem, state, more = misplaced(network, problem, state)
     warnings += more
     rejected = 0
-    solved, lost, more = _solve_somehow(network, problem, state, options, progress.part(0.1, 0.9))
+    solved, lost, more = _solve_somehow(_Start(network, problem, state), options, progress.part(0.1, 0.9))
     while True:
         rejected += lost
         warnings += more
@@ -187,7 +211,7 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
         rejected += len(bad)
         network, problem, state, more = without(solved.network, solved.problem, solved.state, bad)
         warnings += more
-        solved, lost, more = _solve_despite(network, problem, state, options, progress.part(0.1, 0.9))
+        solved, lost, more = _solve_despite(_Start(network, problem, state), options, progress.part(0.1, 0.9))
     if rejected:
         warnings.append(
             f"{rejected} of {rejected + len(solved.problem.point)} observations rejected as gross errors "
@@ -200,9 +224,7 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
     return solved, warnings
 
 
-def _solve_somehow(
-    network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress
-) -> tuple[Solved, int, Warnings]:
+def _solve_somehow(start: _Start, options: AdjustOptions, progress: Progress) -> tuple[Solved, int, Warnings]:
     """As `_solve_despite`; where that does not fit, from stations oriented anew on what the bulk of them agrees on.
 
     Of a flat field seen with little perspective, rough approximate points choose the second solution of some stations.
@@ -210,7 +232,7 @@ def _solve_somehow(
     best: tuple[Solved, int, Warnings] | None = None
     failure: AdjustmentError | None = None
     try:
-        best = _solve_despite(network, problem, state, options, progress)
+        best = _solve_despite(start, options, progress)
     except _SettledError:
         raise
     except AdjustmentError as error:
@@ -219,8 +241,10 @@ def _solve_somehow(
         if best is not None and not _doubted(best[0]):
             break
         with suppress(AdjustmentError, SingularNormalsError):
-            state = oriented_anew(network, problem, robust_state(problem, state))
-            found = _solve_despite(network, problem, state, options, progress)
+            before, start = start, replace(start, state=oriented_anew(start.network, start.problem, start.robust))
+            if abs(start.cost - before.cost) < SAME_START * before.cost:
+                break
+            found = _solve_despite(start, options, progress)
             if best is not None and abs(found[0].variance / best[0].variance - 1) < SAME:
                 break
             if found[0].variance < (FITTING**2 if best is None else best[0].variance / UNEVEN):
@@ -237,34 +261,34 @@ def _doubted(solved: Solved) -> bool:
 
 
 def _solve_despite(
-    network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress, passes: int = 3
+    start: _Start, options: AdjustOptions, progress: Progress, passes: int = 3
 ) -> tuple[Solved, int, Warnings]:
     """Solve, where gross errors lead least squares astray from a robust solution or, if rejecting, without them.
 
     Few points that would have to lie behind a device are left out first, in so many passes. Also gives how many
     observations were left out, and names the points and stations left out with them.
     """
+    network, problem = start.network, start.problem
     try:
-        return _solve(network, problem, state, options, progress), 0, []
+        return _solve(network, problem, start.state, options, progress), 0, []
     except _SettledError:
         raise
     except AdjustmentError as failure:
         if isinstance(failure, BehindError) and passes:
             bad = np.flatnonzero(np.isin(problem.point, failure.points))
-            smaller, rest, start, warnings = without(network, problem, failure.state, bad)
-            solved, lost, more = _solve_despite(smaller, rest, start, options, progress, passes - 1)
+            smaller, rest, state, warnings = without(network, problem, failure.state, bad)
+            solved, lost, more = _solve_despite(_Start(smaller, rest, state), options, progress, passes - 1)
             told = Concern("doubtful", f"left out, {failure.seen}: {failure.where}")
             return solved, lost, [told, *warnings, *more]
         try:
-            robust = robust_state(problem, state)
-            bad, misfit = far_off(problem, robust)
+            bad, misfit = far_off(problem, start.robust)
             if not len(bad):
                 raise failure
             if options.reject_beyond is None:
                 with suppress(AdjustmentError):
-                    return _solve(network, problem, robust, options, progress), 0, []
-            smaller, rest, start, warnings = without(network, problem, robust, bad)
-            solved = _solve(smaller, rest, start, options, progress)
+                    return _solve(network, problem, start.robust, options, progress), 0, []
+            smaller, rest, state, warnings = without(network, problem, start.robust, bad)
+            solved = _solve(smaller, rest, state, options, progress)
         except (SingularNormalsError, AdjustmentError):
             raise failure from None
         if options.reject_beyond is None:

@@ -25,7 +25,7 @@ from core.numerics import distinct
 LEAST_COMMON = 8  # points of two stations: five orient them, the others tell which solution is the right one
 PAIRS = 40  # of stations that are tried, those with most points in common first
 LEAST_POINTS = 5  # of the model, on which a station is resected
-ALONG = 1e-6  # share of their extent by which points may be off a line
+ALONG = 1e-6  # share of their extent by which points may be off a line or plane
 FLIP = np.diag([1.0, -1.0, -1.0])  # OpenCV's camera looks along +Z with Y down
 
 Views = Mapping[int, tuple[Ints, Array]]  # of each station: points in their order, and tangents (-X/Z, -Y/Z)
@@ -45,7 +45,7 @@ def located_by_images(network: Network) -> tuple[Network, Warnings] | None:
     model = _grown(views, max(starts, key=lambda start: start[0])[1], len(network.point_names))
     seen = np.isfinite(model).all(axis=1)
     onto = seen & known if np.count_nonzero(seen & known) >= 3 else seen
-    if on_a_line(network.point_xyz_mm[onto]):
+    if dimensions(network.point_xyz_mm[onto]) < 2:
         raise AdjustmentError(
             "points.csv",
             f"coordinates of {np.count_nonzero(onto)} points lie on one line, or all at one place",
@@ -58,10 +58,10 @@ def located_by_images(network: Network) -> tuple[Network, Warnings] | None:
     return replace(network, point_xyz_mm=xyz), [told]
 
 
-def on_a_line(xyz_mm: Array) -> bool:
-    """Whether points (n, 3) lie on one line, or all at one place."""
+def dimensions(xyz_mm: Array) -> int:
+    """In how many directions points (n, 3) extend: 0 all at one place, 1 on a line, 2 on a plane."""
     sizes = np.linalg.svd(xyz_mm - xyz_mm.mean(axis=0), compute_uv=False)
-    return bool(sizes[1] <= ALONG * sizes[0])
+    return int(np.count_nonzero(sizes > ALONG * sizes[0]))
 
 
 def _views_of(network: Network) -> Views:

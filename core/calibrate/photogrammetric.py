@@ -14,6 +14,7 @@ from core.calibrate.parted import parted
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.calibrate.selection import Warnings
 from core.calibrate.shared import with_shared_errors
+from core.calibrate.weakness import MirroredError
 from core.errors import AdjustmentError, InputError
 from core.geometry import estimated
 from core.geometry.pairs import names_of, orientation_names
@@ -139,6 +140,8 @@ def _solved_or_parted(
 
     try:
         solved, warnings = solve_network(network, options, progress)
+    except MirroredError:  # of all captures alike
+        raise
     except AdjustmentError as error:
         if parts := told():
             raise AdjustmentError("the captures", parts, CHANGED) from None

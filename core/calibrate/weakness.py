@@ -161,14 +161,16 @@ def singular_error(network: Network, problem: Problem, state: State, error: Sing
     return _loose_points([network.point_names[i] for i in lost])
 
 
-def mirrored_error(devices: str) -> AdjustmentError:
-    """Say whose images would fit if they were mirrored."""
-    return AdjustmentError(
-        devices,
-        "images fit the points only when they are mirrored",
-        "count v downwards and u to the right, exchange u and v if they were exchanged, or give the points in a "
-        "right-handed system",
-    )
+class MirroredError(AdjustmentError):
+    """Images of devices that would fit if they were mirrored."""
+
+    def __init__(self, devices: str) -> None:
+        super().__init__(
+            devices,
+            "images fit the points only when they are mirrored",
+            "count v downwards and u to the right, exchange u and v if they were exchanged, or give the points in a "
+            "right-handed system",
+        )
 
 
 def _loose_points(names: list[str]) -> AdjustmentError:
