@@ -256,7 +256,8 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     found = _read_calibrations(job.project.path, job.calibrations)
     calibrations = {name: calibration for name, calibration in found.items() if covers(calibration, phase, job.project)}
     if not calibrations:
-        raise InputError(job.name, "no calibration is of its devices", "calibrate them")
+        remedy = "calibrate them; from cameras alone points are made by reconstruct and evaluate"
+        raise InputError(job.name, "no calibration is of its devices", remedy)
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
         cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)

@@ -83,13 +83,10 @@ def depth_figures(calibration: DepthCalibration) -> Figures:
 
 def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
     """The photogrammetric calibration."""
-    pair = pair_of(calibration)
-    relative_sigma = np.sqrt(np.diagonal(pair.covariance)[-6:])
     sigmas = dict(zip(calibration.parameter_names, np.sqrt(np.diagonal(calibration.covariance)), strict=True))
     return {
         **picked(calibration, "sigma0 stations image_points object_points redundancy"),
         "camera": device_figures(calibration.camera),
-        "projector": device_figures(calibration.projector),
         "devices": {name: device_figures(device) for name, device in calibration.devices.items()},
         "orientations": {
             name: {
@@ -101,6 +98,16 @@ def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
             for name, known in calibration.orientations.items()
         },
         "object_sigma_rms_um": [plain(s) for s in calibration.object_sigma_rms_um],
+        **(_pair_figures(calibration) if calibration.projectors else {}),
+    }
+
+
+def _pair_figures(calibration: PhotogrammetricCalibration) -> Figures:
+    """The projector that is meant where none is named, and how it stands to that camera."""
+    pair = pair_of(calibration)
+    relative_sigma = np.sqrt(np.diagonal(pair.covariance)[-6:])
+    return {
+        "projector": device_figures(calibration.projector),
         "projector_from_camera": {
             **pose_figures(pair.projector_from_camera),
             "rotation_sigma_rad": [plain(s) for s in relative_sigma[:3]],

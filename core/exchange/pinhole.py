@@ -65,6 +65,8 @@ def fit_pair(
 ) -> Pair:
     """Say a camera and a projector (the first, if unnamed) in this model with a format's distortion parameters.
 
+    Two cameras go the same way, the second one in the projector's place.
+
     Raises
     ------
     InputError
@@ -74,7 +76,8 @@ def fit_pair(
     turned = pair.projector_from_camera
     pose = Pose(FLIP @ turned.rotation @ FLIP, FLIP @ turned.translation_mm)
     own = pair.camera, pair.projector
-    found = [fit_device(n, d.spec, d.interior, free) for n, d in zip(("camera", "projector"), own, strict=True)]
+    names = (camera, projector) if projector in calibration.cameras else ("camera", "projector")
+    found = [fit_device(n, d.spec, d.interior, free) for n, d in zip(names, own, strict=True)]
     covariance = None
     if np.any(np.diagonal(pair.covariance) > 0):
         use = [k for k, n in enumerate(VALUES) if n not in DISTORTION or n in free]
@@ -200,7 +203,7 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
         raise InputError(
             f"{p.name} of the calibration",
             f"is {p.width} x {p.height}, the one in project.json has {spec.width} x {spec.height}",
-            "import it into a project of the same devices; --camera and --projector name them",
+            "import it into a project of the same devices; --camera and --projector name them, --cameras two cameras",
         )
     c = p.fy * spec.pitch_mm[1]
     b1 = p.fx * spec.pitch_mm[0] / c - 1
@@ -219,13 +222,19 @@ def pair_to_calibration(
     projector: DeviceSpec,
     source: str,
     names: tuple[str, str] = ("camera", "projector"),
+    *,
+    cameras: bool = False,
 ) -> PhotogrammetricCalibration:
-    """Make a calibration of this program's, of devices of these `names`, from a pair that another one calibrated."""
-    theirs = _sized(pair.camera, camera), _sized(pair.projector, projector)
+    """Make a calibration of this program's, of devices of these `names`, from a pair that another one calibrated.
+
+    Both are `cameras`, or the second one is a projector.
+    """
+    found = replace(pair.camera, name=names[0]), replace(pair.projector, name=names[1])
+    theirs = _sized(found[0], camera), _sized(found[1], projector)
     devices = device_from(theirs[0], camera), device_from(theirs[1], projector)
     R = FLIP @ pair.rotation @ FLIP
     if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
-        raise InputError(source, "the rotation from camera to projector is none", "export it again")
+        raise InputError(source, "the rotation between its devices is none", "export it again")
     U, _, Vt = np.linalg.svd(R)
     known, size = pair.covariance is not None, sum(len(d.interior.vector) for d in devices) + 6
     ways = ((_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True))
@@ -237,13 +246,16 @@ def pair_to_calibration(
         f"imported from {source}, which tells no sigmas: those of points are of the phase alone; judge it by a plane"
     )
     told = [f"imported from {source}" if known else unknown]
-    if theirs != (pair.camera, pair.projector):
+    if theirs != found:
         told.append(f"{source} gives no image sizes: those of project.json are taken")
+    if cameras:
+        told.append("of two cameras alone: the projector is not calibrated, and only labels corresponding places")
     return calibration_of_pair(
         camera=replace(devices[0], sigma=parts[0]),
         projector=replace(devices[1], sigma=parts[1]),
         projector_from_camera=pose,
         covariance=covariance,
         names=names,
+        cameras=names if cameras else names[:1],
         verdict=Verdict("passed" if known else "doubtful", tuple(told)),
     )

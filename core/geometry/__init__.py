@@ -18,7 +18,16 @@ from core.geometry.device import (
     ray_directions,
 )
 from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of, nominal, regular, undistort
-from core.geometry.pairs import calibration_of_pair, knows, pair_derivatives, pair_for, pair_named, pair_of, perturbed
+from core.geometry.pairs import (
+    calibration_of_pair,
+    camera_for,
+    knows,
+    pair_derivatives,
+    pair_for,
+    pair_named,
+    pair_of,
+    perturbed,
+)
 from core.geometry.rotation import (
     Pose,
     cross_matrix,
@@ -35,6 +44,7 @@ __all__ = [
     "Projection",
     "at_radius",
     "calibration_of_pair",
+    "camera_for",
     "cross_matrix",
     "distort",
     "estimated",

@@ -52,6 +52,10 @@ def pair_of(calibration: PhotogrammetricCalibration | Pair, camera: str = "", pr
     camera, projector = camera or calibration.camera_name, projector or calibration.projector_name
     for name in (camera, projector):
         if name not in calibration.devices:
+            if not calibration.projectors:
+                seen = f"is of {' and '.join(calibration.cameras)}; no projector is calibrated"
+                remedy = "calibrate the projector too: cameras alone can reconstruct, evaluate and report"
+                raise InputError("calibration", seen, remedy)
             raise InputError("calibration", f"has no device {name!r}", f"it knows {', '.join(calibration.devices)}")
     to_camera, to_projector = (calibration.orientations.get(name) for name in (camera, projector))
     bases = {camera if to_camera is None else to_camera.base, projector if to_projector is None else to_projector.base}
@@ -91,6 +95,13 @@ def pair_for(phase: PhaseMap | Capture, calibration: PhotogrammetricCalibration 
     return calibration if isinstance(calibration, Pair) else pair_named(calibration, phase.camera, phase.projector)
 
 
+def camera_for(phase: PhaseMap | Capture, calibration: PhotogrammetricCalibration | Pair) -> AdjustedDevice:
+    """Take the camera that a phase map or capture names out of a calibration, which may be of cameras alone."""
+    if isinstance(calibration, Pair):
+        return calibration.camera
+    return calibration.devices[_meant(calibration, phase.camera, phase.projector)[0] or calibration.camera_name]
+
+
 def pair_named(calibration: PhotogrammetricCalibration, camera: str, projector: str) -> Pair:
     """Take these two out of a calibration; the only one of a kind where either name is just "camera" or "projector"."""
     return pair_of(calibration, *_meant(calibration, camera, projector))
@@ -119,14 +130,14 @@ def calibration_of_pair(
     """Make the calibration of one camera and one projector of these `names`; `covariance` is that of a `Pair`.
 
     `figures` are further fields of the calibration; those of the adjustment are 0, and sigma0 is 1, unless given.
+    Of two cameras `cameras` names both.
     """
     counts = dict.fromkeys(("stations", "image_points", "object_points", "redundancy"), 0)
-    unadjusted: dict[str, Any] = {"sigma0": 1.0, **counts, "object_sigma_rms_um": (0.0, 0.0, 0.0)}
+    unadjusted: dict[str, Any] = {"sigma0": 1.0, **counts, "object_sigma_rms_um": (0.0, 0.0, 0.0), "cameras": names[:1]}
     devices = dict(zip(names, (camera, projector), strict=True))
     parameters = [n for name, device in devices.items() for n in names_of(name, device)]
     return PhotogrammetricCalibration(
         devices=devices,
-        cameras=names[:1],
         orientations={names[1]: Orientation(names[0], projector_from_camera)},
         covariance=covariance,
         parameter_names=(*parameters, *orientation_names(names[1])),

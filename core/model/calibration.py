@@ -70,7 +70,7 @@ class PhotogrammetricCalibration:
     """
 
     devices: Mapping[str, AdjustedDevice]
-    cameras: tuple[str, ...]  # which of them are cameras; the others are projectors
+    cameras: tuple[str, ...]  # which of them are cameras; the others, if any, are projectors
     orientations: Mapping[str, Orientation]  # of all devices but the one they refer to
     covariance: Array
     parameter_names: tuple[str, ...]
@@ -96,8 +96,11 @@ class PhotogrammetricCalibration:
 
     @property
     def projector_name(self) -> str:
-        """The projector meant where none is named: the only one, the one called "projector", else the first."""
-        return "projector" if "projector" in self.projectors else self.projectors[0]
+        """The projector meant where none is named: the only one, the one called "projector", else the first.
+
+        "projector", which `devices` does not hold, where only cameras are calibrated.
+        """
+        return "projector" if "projector" in self.projectors else next(iter(self.projectors), "projector")
 
     @property
     def camera(self) -> AdjustedDevice:

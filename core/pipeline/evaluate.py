@@ -31,7 +31,7 @@ from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import calibration_hashes
-from core.pipeline.views import joint_clouds
+from core.pipeline.views import intersectable, joint_clouds
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 from core.project.contents import contents_of
@@ -39,6 +39,7 @@ from core.project.images import Image, read_image
 from core.project.lock import read_only, writing_results
 
 TOGETHER = "all devices"  # in place of the projector, where all that saw a point made it
+CAMERAS = "all cameras"  # where no projector is calibrated
 COMPARED = 3  # frames of planes that stand at one place
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
 
@@ -123,12 +124,14 @@ def _judge(
             seen.setdefault(capture.name, []).append(phase)
         if len(together := seen.get(capture.name, ())) == len(of_whole[capture.name].pairs):
             for name, calibration in calibrations.items():
-                several = sum(covers(calibration, one, project) for one in together) > 1
-                if several and isinstance(calibration, PhotogrammetricCalibration):
+                if not isinstance(calibration, PhotogrammetricCalibration):
+                    continue
+                if len(intersectable(together, calibration)) > 1:
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
+                    by = TOGETHER if calibration.projectors else CAMERAS
                     for camera, cloud in clouds.items():
                         whole = united([p for p in together if p.camera == camera])
-                        found.append(_judged(capture, whole, name, calibration, cloud, (), TOGETHER))
+                        found.append(_judged(capture, whole, name, calibration, cloud, (), by))
             del seen[capture.name]
     if not found:
         devices = {n for c in calibrations.values() for n in getattr(c, "devices", ())}
@@ -235,7 +238,7 @@ def _judged(
             angle_deg=capture.angle_deg,
             method=name,
             camera=method.camera(phase, calibration),
-            outside=method.outside,
+            outside=method.outside if by != CAMERAS else "no place that is surely its own in another camera",
         )
     return replace(row, devices=(phase.camera, by)), calibration_rms(cloud), said
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,9 +24,10 @@ if TYPE_CHECKING:
 
 
 def export_calibration(
-    project: Project, name: str, path: Path, camera: str = "", projector: str = ""
+    project: Project, name: str, path: Path, camera: str = "", projector: str = "", cameras: Sequence[str] = ()
 ) -> tuple[list[Path], dict[str, float]]:
-    """Write the calibration of a camera and a projector, the first if none is named, for another program.
+    """Write the calibration of a camera and a projector, the first if none is named, or of two `cameras`: of those, if
+    no projector is calibrated.
 
     Gives the files and, by device, what the other program's model leaves of ours, px r.m.s. over the image. InputError
     for an unknown format, no calibration, or one that the format cannot hold.
@@ -34,28 +36,36 @@ def export_calibration(
 
     form = _format(name)
     check_place(path)
-    pair = fit_pair(photogrammetric_calibration(project), form.free, camera, projector)
+    calibration = photogrammetric_calibration(project)
+    if not (calibration.projectors or cameras or camera or projector):
+        cameras = calibration.cameras[:2]
+    pair = fit_pair(calibration, form.free, *(cameras or (camera, projector)))
     return form.write(pair, path), {p.name: p.rms_px for p in (pair.camera, pair.projector)}
 
 
 def import_calibration(
-    project: Project, name: str, path: Path, camera: str = "", projector: str = ""
+    project: Project, name: str, path: Path, camera: str = "", projector: str = "", cameras: Sequence[str] = ()
 ) -> PhotogrammetricCalibration:
     """Read another program's calibration of two of the project's devices, keep it as a run and put it in use.
 
-    `camera` and `projector` name them; the first of each if unsaid.
+    `camera` and `projector` name them; the first of each if unsaid. Or both are cameras, `cameras`: the projector then
+    only labels corresponding places, and nothing of it is needed.
 
-    InputError for an unknown format or device, or a file that does not hold a camera and a projector of these sizes.
+    InputError for an unknown format or device, or a file that does not hold two devices of these sizes.
     """
     from core.exchange import pair_to_calibration
 
     rig = project.rig
-    names = camera or rig.camera_name, projector or rig.projector_name
-    for device, of in zip(names, (rig.cameras, rig.projectors), strict=True):
+    one, other = cameras or (camera or rig.camera_name, projector or rig.projector_name)
+    for device, of in ((one, rig.cameras), (other, rig.cameras if cameras else rig.projectors)):
         if device not in of:
             raise InputError(project.path / "project.json", f"has no {device!r}", f"choose {', '.join(of)}")
-    pair, specs = _format(name).read(path), (rig.cameras[names[0]], rig.projectors[names[1]])
-    calibration = pair_to_calibration(pair, *specs, f"{path.name} ({name})", names)
+    if one == other:
+        raise InputError("--cameras", f"names {one} twice", "name the two cameras in the order of the file")
+    pair, devices = _format(name).read(path), rig.devices
+    calibration = pair_to_calibration(
+        pair, devices[one], devices[other], f"{path.name} ({name})", (one, other), cameras=bool(cameras)
+    )
     if concerns := _foreign(project, calibration):
         told = calibration.verdict.because if calibration.verdict else ()
         verdict = verdict_of([*concerns, *(Concern("doubtful", text) for text in told)])
@@ -79,6 +89,8 @@ def _foreign(project: Project, calibration: PhotogrammetricCalibration) -> list[
     from core.checks import foreign_concerns, nominal_concerns, see_plates
 
     concerns = nominal_concerns(calibration.devices, calibration.cameras)
+    if not calibration.projectors:
+        return concerns
     boards = {c.name: c.testfield for c in captures_of(project, "testfield") if c.testfield is not None}
     own = calibration.camera_name, calibration.projector_name
     sets = [t for t in current_target_sets(project) if t.capture in boards and (t.camera, t.projector) == own]
@@ -116,7 +128,7 @@ def _no_adjustment(calibration: PhotogrammetricCalibration) -> Adjustment:
         network=network,
         devices=devices,
         station_from_object=(),
-        relative={calibration.projector_name: calibration.projector_from_camera},
+        relative={name: known.device_from_base for name, known in calibration.orientations.items()},
         points_mm=np.zeros((0, 3)),
         point_cov_mm2=np.zeros((0, 3, 3)),
         residuals=none,

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.errors import InputError
 from core.figures import picked
-from core.geometry import pair_for
+from core.geometry import camera_for
 from core.model import Feature, Figures, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.reconstruct import reconstruct_capture
@@ -46,7 +46,7 @@ def measure_features(
     phase, cloud = reconstruct_capture(
         project, name, "photogrammetric", progress=progress, orient=orient, camera=camera, projector=projector
     )
-    seen_by = pair_for(phase, calibration).camera
+    seen_by = camera_for(phase, calibration)
     if places:
         return [measure_feature(kind, numbers, phase, cloud, seen_by, where) for kind, numbers, where in given]
     found, why = [], Counter[str]()

@@ -8,10 +8,11 @@ from core.atomic import check_place
 from core.errors import InputError
 from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import chosen_calibration
-from core.pipeline.decode import decode_images, one_series
+from core.pipeline.decode import decode_images, one_series, phase_maps
 from core.pipeline.folders import find_capture
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import oriented
+from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
 from core.project import atomic_write, iterate_images
 
@@ -30,7 +31,8 @@ def reconstruct_capture(
     """Reconstruct one capture (by its name or its folder) with one calibration, the photogrammetric one by default.
 
     With `orient` the projector stands where `orient_capture(..., correct=True)` found it. `camera` and `projector`
-    choose whose frames, where the capture holds those of several; points are in that camera's frame.
+    choose whose frames, where the capture holds those of several; points are in that camera's frame. Where cameras
+    alone are calibrated, the others of the capture have a part in them.
     """
     chosen, calibration = chosen_calibration(project, method)
     record = METHODS[chosen]
@@ -43,6 +45,12 @@ def reconstruct_capture(
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")
         calibration = oriented(project, capture, calibration)
+    cameras_alone = isinstance(calibration, PhotogrammetricCalibration) and not calibration.projectors
+    if cameras_alone and capture.camera in calibration.devices:
+        due = [s for s in find_capture(project, name).series if s.projector == capture.projector]
+        phases = {phase.camera: phase for _, phase in phase_maps(project, due, progress.part(0.0, 0.5))}
+        clouds = joint_clouds([*phases.values()], calibration, camera=capture.camera, progress=progress.part(0.5, 1.0))
+        return phases[capture.camera], clouds[capture.camera]
     images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
     phase = decode_images(capture, images, project, progress.part(0.0, 0.5))
     cloud = record.reconstruct(phase, calibration, extrapolate, progress.part(0.5, 1.0))

@@ -66,7 +66,7 @@ def _result_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> 
     if calibration is not None:
         path = calibration_file(project, "adjustment.npz") or result_path(project, "adjustment.npz")
         adjustment = load_archive(path, Adjustment)
-        if calibration.covariance.any():
+        if calibration.covariance.any() and calibration.projectors:
             volume = volume_of_calibration(calibration, adjustment)
         if not len(adjustment.residuals):
             adjustment = None  # calibrated by another program

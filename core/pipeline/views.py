@@ -99,6 +99,12 @@ def _mean_image(project: Project, capture: Capture, camera: str) -> Floats:
     return np.where(burnt > count / 2, np.float32(np.nan), total / count).astype(np.float32)
 
 
+def intersectable(phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibration) -> list[PhaseMap]:
+    """Choose the phase maps of calibrated devices; of calibrated cameras, where none of their projectors is."""
+    seen = [phase for phase in phases if phase.camera in calibration.devices]
+    return [phase for phase in seen if phase.projector in calibration.devices] or seen
+
+
 def joint_clouds(
     phases: Sequence[PhaseMap],
     calibration: PhotogrammetricCalibration,
@@ -110,7 +116,7 @@ def joint_clouds(
     """Points of one capture from all that saw them, by camera, in the raster of each or of the one named."""
     from core.reconstruct import intersect_all
 
-    known = [phase for phase in phases if {phase.camera, phase.projector} <= set(calibration.devices)]
+    known = intersectable(phases, calibration)
     wanted = [name for name in dict.fromkeys(phase.camera for phase in known) if camera in ("", name)]
     return {
         each: intersect_all(

@@ -29,6 +29,7 @@ from core.model import Array, Floats, PhaseMap, PhotogrammetricCalibration, Poin
 from core.numerics import chi_square_limit, nearest
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
+from core.reconstruct.epipolar import depths_by_cameras
 from core.reconstruct.intersect import LEAST_VARIANCE, intersect
 from core.reconstruct.labels import Labels, labels_of
 from core.reconstruct.placed import Device, moved, placed
@@ -201,20 +202,20 @@ def intersect_all(
     if not own:
         known = ", ".join(sorted({p.camera for p in phases}))
         raise InputError("the capture", f"holds nothing decoded of {camera}", f"choose one of {known}")
+    lit = {phase.projector for phase in own} <= set(calibration.devices)
+    rays = rays if lit else "cameras"
     if rays == "cameras" and len(own) == len(phases):
-        raise InputError("the capture", "was seen by one camera alone", "use rays from the projector too")
-    scene, alone = (
-        Scene(placed(calibration), views, camera, rays, along),
-        [intersect(phase, calibration) for phase in own],
-    )
-    plane = camera_rays(scene.devices[camera].spec, scene.devices[camera].interior)  # `intersect` has made them
+        seen = "was seen by one camera alone" + ("" if lit else f", and {own[0].projector} is not calibrated")
+        remedy = "use rays from the projector too" if lit else "capture by two calibrated cameras, or calibrate it too"
+        raise InputError("the capture", seen, remedy)
+    scene = Scene(placed(calibration), views, camera, rays, along)
+    starts = _by_lights(own, calibration) if lit else _by_cameras(scene)
+    plane = camera_rays(scene.devices[camera].spec, scene.devices[camera].interior)  # they are made by now
     directions = np.concatenate([plane, np.full_like(plane[..., :1], -1.0)], axis=-1, dtype=np.float64)
     progress(0.3, "intersecting all rays")
-    start = alone[0].xyz_mm.copy()
-    for cloud in alone[1:]:  # where the first projector's light does not reach
-        missing = np.isnan(start[..., 2])
-        start[missing] = cloud.xyz_mm[missing]
-    begin = -1 / start[..., 2].astype(np.float64)
+    begin = starts[0]
+    for more in starts[1:]:  # where the first projector's light does not reach, or the first other camera
+        begin = np.where(np.isfinite(begin), begin, more)
     q = begin.copy()
     sight = np.where(np.isfinite(q), np.uint8(Sight.OWN), np.uint8(Sight.NONE))
     rss, count, noise = np.zeros(q.shape), np.zeros(q.shape, int), np.full(q.shape, np.nan)
@@ -251,6 +252,19 @@ def intersect_all(
     with np.errstate(over="ignore"):  # where rays are all but parallel to the light
         xyz, sigma, depth = (a.astype(np.float32) for a in (directions / q[..., None], np.sqrt(variance), sigma_depth))
     return PointCloud(xyz, sigma, depth, told)
+
+
+def _by_lights(phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibration) -> list[Array]:
+    """Inverse depths (H, W) of a camera's pixels by each calibrated projector."""
+    return [-1 / intersect(phase, calibration).xyz_mm[..., 2].astype(np.float64) for phase in phases]
+
+
+def _by_cameras(scene: Scene) -> list[Array]:
+    """The same by each other camera, where the projectors are not calibrated."""
+    own = {view.projector: view.labels for view in scene.views if view.camera == scene.camera}
+    others = [view for view in scene.views if view.camera != scene.camera and view.projector in own]
+    devices, here = scene.devices, scene.devices[scene.camera]
+    return [depths_by_cameras(here, own[v.projector], devices[v.camera], v.labels) for v in others]
 
 
 def each_once(clouds: Mapping[str, PointCloud]) -> dict[str, PointCloud]:

@@ -53,6 +53,6 @@ def labels_of(phase: PhaseMap) -> Labels:
     slopes[[0, -1]], slopes[:, [0, -1]] = np.nan, np.nan
     bends = np.stack([cv2.filter2D(values, -1, kernel) for kernel in (BEND, BEND.T)], axis=-1)
     limit = TORN * np.sqrt(variances)[..., None] + BENT * np.abs(slopes)
-    torn = (np.abs(bends) > limit).any(axis=(2, 3))
-    slopes[cv2.dilate(torn.astype(np.uint8), np.ones((3, 3))) > 0] = np.nan  # a pixel of two surfaces bends by nothing
+    torn = np.asarray((np.abs(bends) > limit).any(axis=(2, 3)), np.uint8)
+    slopes[cv2.dilate(torn, np.ones((3, 3))) > 0] = np.nan  # a pixel of two surfaces bends by nothing
     return Labels(values, variances, slopes)

@@ -184,9 +184,9 @@ def _relative_orientation(data: ReportData) -> Iterable[tuple[str, str, Number]]
     if data.photogrammetric is None:
         return
     found = data.photogrammetric
-    several = len(found.devices) > 2
-    for camera in found.cameras:
-        for projector in found.projectors:
+    several = len(found.devices) > 2 or not found.projectors
+    for camera in found.cameras if found.projectors else found.cameras[:1]:
+        for projector in found.projectors or found.cameras[1:]:
             pair, of = pair_of(found, camera, projector), f" {camera} to {projector}"
             t = pair.projector_from_camera.translation_mm
             base = float(np.linalg.norm(t))

@@ -55,7 +55,8 @@ def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Prog
     if not evaluations:
         return None
     (table,) = CHAPTERS["planes"].tables(ReportData(folder.project, evaluations=evaluations))
-    own = tuple(e for e in evaluations if e.devices == pair) or evaluations
+    of_camera = tuple(e for e in evaluations if e.devices[0] == pair[0])  # that it and others made, if no pair did
+    own = tuple(e for e in of_camera if e.devices == pair) or of_camera or evaluations
     camera = folder.project.rig.cameras[own[0].devices[0]]
     return EvaluationView(own, colour_limit_mm(evaluations), table, camera, _verdicts(evaluations), evaluations)
 

@@ -25,6 +25,7 @@ from core.pipeline import (
     kept_evaluation,
     load_calibrations,
     reconstruct_capture,
+    reconstruct_views,
     seen_by_several,
     simulate_project,
 )
@@ -361,3 +362,51 @@ def test_a_camera_of_one_axis_keeps_no_other_pair_from_being_watched(
     assert figures["untold"] == {"right-projector": "no pixels have both projector coordinates"}
     assert "projector against right cannot be judged" in capsys.readouterr().out
     assert main([*words, "--camera", "right"]) == 2
+
+
+def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_path: Path, capsys) -> None:
+    """The projector of a stereo scanner labels places: planes are as flat as the noise of its labels lets them be."""
+    stereo, folder = tmp_path / "stereo.yml", copied(project.path, tmp_path / "project")
+    assert main(["export", str(project.path), "--to", "opencv", str(stereo), "--cameras", "left", "right"]) == 0
+    words = ["import", str(stereo), "--from", "opencv", str(folder)]
+    assert main(words) == 2
+    assert "--cameras two cameras" in capsys.readouterr().err
+    assert main([*words, "--cameras", "left", "top"]) == 2
+    capsys.readouterr()
+    assert main([*words, "--cameras", "left", "right"]) == 0
+    assert "the projector is not calibrated, and only labels corresponding places" in capsys.readouterr().out
+    read = load_calibrations(read_project(folder))["photogrammetric"]
+    assert isinstance(read, PhotogrammetricCalibration)
+    assert (read.cameras, read.projectors, [*read.devices]) == (("left", "right"), (), ["left", "right"])
+    own = load_calibrations(project)["photogrammetric"]
+    assert isinstance(own, PhotogrammetricCalibration)
+    assert read.orientations["right"].device_from_base.translation_mm == pytest.approx(
+        pair_of(own, "left", "right").projector_from_camera.translation_mm, abs=1e-6
+    )
+    assert main(["evaluate", str(folder), "--json", str(tmp_path / "e.json")]) == 0
+    rows = json.loads((tmp_path / "e.json").read_text())["planes"]
+    assert {(row["camera"], row["projector"]) for row in rows} == {("left", "all cameras"), ("right", "all cameras")}
+    for row in rows:  # what is wrong with a line's phase is so for both cameras, and drops out
+        assert row["n"] > 30_000
+        assert 0.7 < row["rms_mm"] / row["predicted_rms_mm"] < 1.05
+    capsys.readouterr()
+    for command in (["orient", str(folder), "plane+00"], ["uncertainty", str(folder)]):
+        assert main(command) == 2
+        assert "is of left and right; no projector is calibrated" in capsys.readouterr().err
+    out = tmp_path / "points.npz"
+    for camera in ("left", "right"):
+        _, cloud = reconstruct_capture(read_project(folder), "plane+00", camera=camera)
+        assert main(["reconstruct", str(folder), "plane+00", "--out", str(out), "--camera", camera]) == 0
+        with np.load(out) as points:
+            assert np.array_equal(points["xyz"], cloud.xyz_mm, equal_nan=True)
+        _, known = reconstruct_views(project, "plane+00", camera=camera, rays="cameras")
+        both = np.isfinite(cloud.xyz_mm[..., 2]) & np.isfinite(known.xyz_mm[..., 2])
+        assert cloud.sigma_depth_mm is not None
+        assert both.sum() > 0.99 * np.isfinite(known.xyz_mm[..., 2]).sum()
+        off = np.abs(cloud.xyz_mm - known.xyz_mm)[both][:, 2] / cloud.sigma_depth_mm[both]
+        assert np.quantile(off, 0.999) < 0.3  # two lens models
+    there = read_project(folder)
+    assert "base left to right" in str(compose(report_data(there, kept_evaluation(there))))
+    assert main(["status", str(folder), "--json", str(tmp_path / "s.json")]) == 0
+    states = json.loads((tmp_path / "s.json").read_text())["stages"]
+    assert (states["calibrate"]["state"], states["evaluate"]["state"]) == ("current", "current")

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, add_devices, tell_devices
+from core.cli.arguments import Commands, Options, Parser, add_devices, tell_devices
+from core.errors import InputError
 from core.progress import Progress
 
 
@@ -17,25 +18,45 @@ def add(commands: Commands) -> None:
     sub.add_argument("--to", required=True, metavar="FORMAT", help=known)
     sub.add_argument("out", type=Path, metavar="FILE")
     sub.set_defaults(beside=True)  # some formats take several files
-    add_devices(sub)
+    _add_devices(sub)
 
     sub = commands.add("import", _import, "import another program's calibration of the project's devices")
     sub.add_argument("file", type=Path, metavar="FILE")
     sub.add_argument("--from", required=True, metavar="FORMAT", dest="form", help=known)
     sub.add_argument("project", type=Path, metavar="PROJECT")
-    add_devices(sub)
+    _add_devices(sub)
+
+
+def _add_devices(parser: Parser) -> None:
+    add_devices(parser)
+    words = "two cameras in the place of a camera and a projector, which only labels corresponding places"
+    parser.add_argument("--cameras", nargs=2, default=(), metavar="NAME", help=words)
+
+
+def _named(options: Options) -> dict[str, Any]:
+    """Give the devices that were chosen."""
+    if options.cameras and (options.camera or options.projector):
+        raise InputError("--cameras", "does not go with --camera and --projector", "leave one of the two out")
+    return {"camera": options.camera, "projector": options.projector, "cameras": options.cameras}
+
+
+def _tell_devices(options: Options) -> None:
+    """Say whose calibration it is where others could be meant."""
+    rig = options.project.rig
+    if not options.cameras:
+        tell_devices(options, options.camera or rig.camera_name, options.projector or rig.projector_name)
 
 
 def _export(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.exchange import export_calibration
 
-    project, names = options.project, (options.camera, options.projector)
-    files, residuals = export_calibration(project, options.to, options.out, *names)
+    files, residuals = export_calibration(options.project, options.to, options.out, **_named(options))
     for file in files:
         print(file)
     for name, rms in residuals.items():
         print(f"{name}: the fit leaves {rms:.4f} px r.m.s.")
-    tell_devices(options, *(name or usual for name, usual in zip(names, project.rig.usual, strict=True)))
+    if "projector" in residuals:
+        _tell_devices(options)
     return {"files": [str(file) for file in files], "residual_rms_px": residuals}
 
 
@@ -44,9 +65,10 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.exchange import import_calibration
     from core.project import read_project
 
-    project = read_project(options.project)
-    calibration = import_calibration(project, options.form, options.file, options.camera, options.projector)
+    options.project = project = read_project(options.project)
+    calibration = import_calibration(project, options.form, options.file, **_named(options))
     figures = pipeline.calibration_figures({"photogrammetric": calibration})
     print_verdict("photogrammetric", figures["photogrammetric"]["verdict"])
+    _tell_devices(options)
     print(f"kept as run {max(pipeline.current_runs(project).values())}")
     return figures

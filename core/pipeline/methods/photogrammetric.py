@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from core.figures import photogrammetric_figures
-from core.geometry import pair_for
+from core.geometry import camera_for
 from core.model import (
     Adjustment,
     Capture,
@@ -161,7 +161,7 @@ PHOTOGRAMMETRIC = CalibrationMethod(
     reconstruct=intersected,
     figures=photogrammetric_figures,
     devices=_devices,
-    camera=lambda phase, calibration: pair_for(phase, calibration).camera.interior,
+    camera=lambda phase, calibration: camera_for(phase, calibration).interior,
     judge=_judge,
     usable=lambda capture: capture.testfield is not None or bool(capture.seeds),
     about="From the moved testfield alone. Measures anywhere, with the sigma of every point.",
