@@ -60,10 +60,10 @@ for patterns in [*lists, [p for axis in "xy" for p in light_sections(axis, lines
 import sys
 from importlib import import_module
 from pathlib import Path
-from core.compiling import kinds_of_arguments
+from core.compiling.kept import read
 for kernel in sorted(Path(sys.argv[1]).iterdir()):
     module, _, name = kernel.name.rpartition("-")[0].rpartition(".")
-    getattr(import_module(module), name).compile(kinds_of_arguments(kernel))
+    getattr(import_module(module), name).compile(read(kernel).kinds)
 """,
 }
 

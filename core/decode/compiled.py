@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
-from core.compiling import njit
+from core.compiling import intrinsic, njit
 from core.decode.tables import TOGETHER
 
 F = np.float32
@@ -29,21 +26,22 @@ C4, C5, C6, C7 = F(0.0153452922), F(-0.00889775623), F(0.00347895455), F(-0.0006
 # count references to every array at every call, the threads in turns: kernels allocate nothing, they are given memory.
 _HOW: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "nsz", "arcp"}, "_nrt": False}
 fast: Any = njit(cache=True, nogil=True, **_HOW)  # what Python calls
-part: Any = njit(no_cpython_wrapper=True, **_HOW)  # what only kernels call; `inner` would double the time of the pixels
+part: Any = njit(**_HOW)  # what only kernels call; `inner` would double the time of the pixels
 
 
-def _greys(kind: Any, size: int) -> Any:
+def _greys(kind: str, size: int) -> Any:
     """Make what gives the grey values from an address on as an array: one kernel takes any number of images."""
 
     def typed(typing_context: Any, address: Any, count: Any) -> Any:
-        array = types.Array(kind, 1, "C")
+        from numba import types
+        from numba.np.arrayobj import make_array, populate_array
+
+        array = types.Array(getattr(types, kind), 1, "C")
 
         def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            from numba.np.arrayobj import make_array, populate_array  # the compiler's: a kernel that is kept needs none
-
             made = make_array(array)(context, builder)
             item = context.get_constant(types.intp, size)
-            data = builder.inttoptr(arguments[0], context.get_data_type(kind).as_pointer())
+            data = builder.inttoptr(arguments[0], context.get_data_type(array.dtype).as_pointer())
             populate_array(made, data=data, shape=[arguments[1]], strides=[item], itemsize=item, meminfo=None)
             return made._getvalue()
 
@@ -52,11 +50,14 @@ def _greys(kind: Any, size: int) -> Any:
     return intrinsic(typed)
 
 
-narrow, wide, single = _greys(types.uint8, 1), _greys(types.uint16, 2), _greys(types.float32, 4)
+narrow, wide, single = _greys("uint8", 1), _greys("uint16", 2), _greys("float32", 4)
 
 
-def _prefetch(typing_context: Any, address: Any) -> Any:
+@intrinsic
+def prefetch(typing_context: Any, address: Any) -> Any:
     """Ask for the memory at an address before it is needed."""
+    from llvmlite import ir
+    from numba import types
 
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
@@ -67,9 +68,6 @@ def _prefetch(typing_context: Any, address: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(types.uintp), build
-
-
-prefetch: Any = intrinsic(_prefetch)
 
 
 @part

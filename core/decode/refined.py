@@ -30,7 +30,7 @@ SUMS = 6
 Addresses = NDArray[np.uint64]
 _HOW: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "nsz", "arcp", "reassoc"}, "_nrt": False}
 _fast: Any = njit(cache=True, nogil=True, **_HOW)
-_part: Any = njit(no_cpython_wrapper=True, forceinline=True, **_HOW)
+_part: Any = njit(forceinline=True, **_HOW)
 
 
 class AxisModel(NamedTuple):
