@@ -122,7 +122,13 @@ def _fitted(x: Array, variance: Array) -> Array:
     powers = x[known][..., None] ** np.arange(DEGREE, -1, -1)
     sigma = np.sqrt(np.maximum(np.swapaxes(variance[known], -1, -2), 0.0))[..., None]  # rounding leaves less than 0
     relative = powers[:, None] / np.maximum(sigma, 1e-6 * sigma.max(axis=-2, keepdims=True) + 1e-30)
-    coefficients[known] = np.linalg.pinv(relative).sum(axis=-1)
+    Q, R = np.linalg.qr(relative)
+    size = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    sound = size.min(axis=-1) > 1e-13 * size.max(axis=-1)
+    solved = np.empty((*sound.shape, DEGREE + 1))
+    solved[sound] = np.linalg.solve(R[sound], Q[sound].sum(axis=-2)[..., None])[..., 0]
+    solved[~sound] = np.linalg.pinv(relative[~sound]).sum(axis=-1)  # points at one distance only
+    coefficients[known] = solved
     return coefficients
 
 
