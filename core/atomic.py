@@ -6,9 +6,9 @@ import errno
 import hashlib
 import json
 import os
+import platform
 import secrets
 import shutil
-import socket
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
@@ -125,7 +125,7 @@ def part_prefix(name: str) -> str:
 
 @cache
 def _machine() -> str:
-    return hashlib.sha256(socket.gethostname().encode()).hexdigest()[:6]
+    return hashlib.sha256(platform.node().encode()).hexdigest()[:6]
 
 
 def is_leftover(path: Path) -> bool:

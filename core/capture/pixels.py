@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from core.model import Capture
 from core.model.finding import Finding
-from core.numerics import compressed_in_blocks, quantile_of
+from core.numerics import compressed_in_blocks, median_of, quantile_of
 from core.patterns import level_of
 
+GOLDEN = 0.618034
 GRID = 12_000  # pixels sampled
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 STEADY = 0.1  # share by which the light may change from one square of 2 px to the next where mosaics are looked for
@@ -99,12 +100,17 @@ def _even(image: NDArray) -> bool:
     return not lit.any() or max(float(np.mean(own[lit] == other[lit])) for other in (above, before)) > EVEN
 
 
+def _scattered(size: int, count: int) -> NDArray[np.int64]:
+    """Give so many whole numbers below a size, in step with nothing: squares times an irrational number."""
+    return (np.arange(count) ** 2 * GOLDEN % 1 * size).astype(np.int64)
+
+
 def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
     """Four neighbours differ alike wherever there is light; seen where that goes on evenly to the next four."""
     even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern)] or images
-    rng, share = np.random.default_rng(0), min(GRID / even[0].size, 0.25) ** 0.5
-    # at random: a board's dots may be evenly spaced
-    v, u = (2 + 2 * rng.choice(max(n // 2 - 2, 0), max(int(share * n) - 2, 0), replace=False) for n in even[0].shape)
+    share = min(GRID / even[0].size, 0.25) ** 0.5
+    # as if at random: a board's dots may be evenly spaced
+    v, u = (2 + 2 * _scattered(max(n // 2 - 2, 0), max(int(share * n) - 2, 0)) for n in even[0].shape)
 
     def four(down: int, right: int) -> NDArray[np.float64]:
         at = [np.ix_(v + down + y, u + right + x) for y, x in product((0, 1), repeat=2)]
@@ -120,8 +126,8 @@ def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
     seen = seen[:, even_there]
     if seen.shape[1] < LEAST_LIT:
         return []
-    share = np.median(seen / seen.mean(axis=0), axis=1)
-    ratio = float(share.max() / max(float(share.min()), 0.01))
+    shares = [median_of(own) for own in seen / seen.mean(axis=0)]
+    ratio = max(shares) / max(min(shares), 0.01)
     if ratio < UNEVEN:
         return []
     text = (

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.capture.plan import Plan
 from core.model import Array
 from core.model.finding import Finding, Level
-from core.numerics import distinct, quantile_of, quantiles, sigma_about_median
+from core.numerics import distinct, quantile_of, quantiles, row_median, sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 
 SAMPLES = 100_000
@@ -71,7 +71,7 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     high, low = quantiles(own, 0.9, 0.1)
     whites = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 1]
     blacks = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 0]
-    white = np.median([*whites, high], axis=0) if whites else high
+    white = row_median(np.transpose([*whites, high])) if whites else high
     black = np.min([*blacks, low], axis=0)
     noise = 1.0
     if plan.guards:

@@ -72,7 +72,7 @@ def draw_back(
     known = np.isfinite(coordinates[0][:, some]).any(axis=0) & (lit[1][some] > TINY)
     if not known.any():
         return
-    unit = F(np.median(light.ravel()[some][known] / lit[1][some][known]))
+    unit = F(median_of(light.ravel()[some][known] / lit[1][some][known]))
     if not len(rows.value):  # it undulates with the patterns
         seen = np.where(np.isfinite(place).any(axis=0), light, np.nan)
         bends = [b[np.isfinite(b)] for b in (np.abs(np.diff(seen, 2, axis=k)) for k in (0, 1))]

@@ -11,6 +11,7 @@ import numpy as np
 
 from core.decode.options import Flag, invalidate
 from core.decode.tables import Singles
+from core.numerics import median_of
 
 FARTHEST = 48  # px
 
@@ -28,7 +29,9 @@ def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, width:
     here = u[row, column]
     across = np.abs(here - u[row, np.maximum(column - 1, 0)])
     down = np.abs(here - u[np.maximum(row - 1, 0), column])
-    slope = sum(float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0 for step in (across, down))
+    slope = sum(
+        median_of(known) if len(known) else 0.0 for step in (across, down) for known in [step[np.isfinite(step)]]
+    )
     reach = int(min(FARTHEST, np.ceil(2 * width / max(slope, 1e-3)) + 1))
     beside = cv2.dilate(flags & int(Flag.LOW_MODULATION), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     lost = beside[row, column] > 0
