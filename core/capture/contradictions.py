@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.lookup import dictionary, nearest
+from core.capture.lookup import dictionary, nearest_within
 from core.numerics import distinct
 from core.patterns import Axis, Code, Pattern, Phase, axis_of
 
@@ -60,14 +60,15 @@ def unexplained(
 ) -> tuple[NDArray[np.bool_], Array]:
     """Which pixels no projector line explains, (n,), and their values with the curve of grey values taken out."""
     possible, _ = looks(tuple(patterns), looked.lines)
-    cost, best = nearest(seen, possible)
+    cost, best = nearest_within(seen, possible, looked.limit)
     straight = seen
     for _ in range(rounds):
         if float(np.mean(cost > looked.limit)) <= 0.02:
             break
         levels, curve = _response(seen, possible[:, best])
         straight = np.interp(seen, curve, levels).astype(np.float32)
-        bent_cost, best = nearest(seen, np.interp(possible, levels, curve).astype(np.float32))
+        bent = np.interp(possible, levels, curve).astype(np.float32)
+        bent_cost, best = nearest_within(seen, bent, looked.limit)
         cost = np.minimum(cost, bent_cost)
     return (cost > looked.limit) | _waves_disagree(seen, patterns, looked), straight
 
@@ -95,7 +96,8 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
         cell = min(p.cell for p in patterns if isinstance(p, Code))
         if _words(tuple(patterns), looked.axis, looked.lines) * cell < looked.lines:
             cell = 0  # a frame was left out for a trial: the others do not tell all cells apart
-        number = np.floor((at[nearest(seen[coded], possible[coded])[1]] + 0.25) / max(cell, 1))
+        best = nearest_within(seen[coded], possible[coded], looked.limit)[1]
+        number = np.floor((at[best] + 0.25) / max(cell, 1))
     for period in {p.period for p in patterns if isinstance(p, Phase)}:
         steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
         shifts = np.array([p.shift_rad for p in patterns if isinstance(p, Phase) and p.period == period])

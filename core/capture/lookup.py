@@ -79,6 +79,23 @@ def nearest(values: Array, possible: Array) -> tuple[Array, NDArray[np.intp]]:
     return cost + np.sum(values**2, axis=0), best
 
 
+def nearest_within(values: Array, possible: Array, enough: float | Array) -> tuple[Array, NDArray[np.intp]]:
+    """Do so in a `dictionary`; a column at or beside the best line of one blur will do, if it is within `enough`."""
+    m = possible.shape[1] // len(BLURS_LINES)
+    sparse = slice(m * (len(BLURS_LINES) // 2 - 1), m * (len(BLURS_LINES) // 2), 2)
+    line = 2 * nearest(values, possible[:, sparse])[1]
+    beside = np.clip(line[:, None] + np.arange(-2, 3), 0, m - 1)
+    among = (beside[:, None] + m * np.arange(len(BLURS_LINES))[:, None]).reshape(len(line), -1)
+    distance = np.zeros(among.shape, np.float32)
+    for own, light in zip(values, possible, strict=True):
+        distance += (light[among] - own[:, None]) ** 2
+    at = np.arange(len(line)), np.argmin(distance, axis=1)
+    cost, best = distance[at], among[at]
+    if (far := cost > enough).any():
+        cost[far], best[far] = nearest(values[:, far], possible)
+    return cost, best
+
+
 def some(count: int, frames: int) -> Numbers:
     """Choose pixels for leaving frames out: fewer where there are many frames."""
     return np.linspace(0, count - 1, min(count, _LEAVE_ONE, max(200, 20_000 // frames))).astype(np.intp)

@@ -7,7 +7,7 @@ version has them no more, kernels run all the same and are compiled by every pro
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numba
 from llvmlite import binding, ir
@@ -16,19 +16,23 @@ from numba.extending import intrinsic as numbas_intrinsic
 from numba.extending import register_jitable, typeof_impl
 
 from core.compiling.content import intrinsic, marked
-from core.compiling.kernel import ALIGNED, WRITEABLE, C, F, Kernel
-from core.compiling.native import RETURNED, Native, machine
+from core.compiling.native import ALIGNED, RETURNED, WRITEABLE, C, F, Native, machine
+
+if TYPE_CHECKING:
+    from core.compiling.kernel import Kernel
 
 _SLOT = ir.IntType(64)
 
 
 def plain(kernel: Kernel) -> Any:
     """Give numba's own."""
-    _define_inner()
+    _introduce(kernel)
     return numba.njit(kernel.py_func, **kernel.targetoptions)
 
 
-def _define_inner() -> None:
+def _introduce(kernel: Kernel) -> None:
+    """Tell numba of functions that were marked since, and what it shall see in a kernel that another one calls."""
+    typeof_impl.register(type(kernel), _of_kernel)
     while marked:
         function = marked.pop(0)
         how = function.__compiled__
@@ -42,7 +46,6 @@ def _dispatcher(kernel: Kernel) -> Any:
     return compiled(kernel.py_func, no_cpython_wrapper=True, no_cfunc_wrapper=True, **kernel.targetoptions)
 
 
-@typeof_impl.register(Kernel)
 def _of_kernel(kernel: Kernel, context: Any) -> Any:
     return types.Dispatcher(_dispatcher(kernel))
 
@@ -65,7 +68,7 @@ def build(kernel: Kernel, kinds: tuple[Any, ...]) -> Native:
     """Compile a kernel for arguments of some kinds."""
     from numba.core.registry import cpu_target
 
-    _define_inner()
+    _introduce(kernel)
     signature = tuple(map(_type, kinds))
     dispatcher = _dispatcher(kernel)
     dispatcher.compile(signature)

@@ -13,11 +13,10 @@ import numpy as np
 
 from core.compiling.content import content
 from core.compiling.kept import find, keep, name_of
-from core.compiling.native import Version, load
+from core.compiling.native import ALIGNED, WRITEABLE, C, F, Version, load
 from core.progress import announce
 
 _BUILDING = RLock()  # numba compiles one at a time; and whoever waits finds it kept
-C, F, ALIGNED, WRITEABLE = 0x1, 0x2, 0x100, 0x400  # numpy's flags of an array
 _MATTERS = C | F | ALIGNED | WRITEABLE
 _DATA = object.__basicsize__  # where numpy keeps an array's address: the first field of its C interface
 

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import binding
 
+C, F, ALIGNED, WRITEABLE = 0x1, 0x2, 0x100, 0x400  # numpy's flags of an array
 RETURNED = 2  # slots before what is returned
 
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +43,8 @@ if TYPE_CHECKING:
 
 def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> ReportData:
     """Gather what a report tells of, from the project's results."""
+    from importlib.metadata import version  # most commands import this module for its words only
+
     data = _result_data(project, evaluations)
     found = data.photogrammetric
     return replace(
