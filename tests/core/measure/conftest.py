@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -39,16 +40,14 @@ class Scene:
     def but(self, **changes) -> Scene:
         return replace(self, **changes)
 
+    @cached_property
     def coverage(self) -> np.ndarray:
         """Share of each pixel that lies on a dot, before any blur."""
         h, w, n = self.spec.height, self.spec.width, self.samples
         cover = np.zeros((h, w))
-        v, u = np.mgrid[0:h, 0:w].astype(float)
-        rays = ray_directions(self.spec, self.interior, np.stack([u, v], axis=-1))[..., :2]
-        slope_v, slope_u = np.gradient(rays, axis=(0, 1))
-        R, t = self.pose.rotation, self.pose.translation_mm
+        rays, slope_v, slope_u = _rays(self.spec, self.interior)
         steps = (np.arange(n) + 0.5) / n - 0.5
-        su, sv = (g.ravel() for g in np.meshgrid(steps, steps))
+        su, sv = (g.ravel()[:, None] for g in np.meshgrid(steps, steps))
         radius = self.field.diameter_mm / 2
         centre = self.true_uv
         around = np.stack([self._shifted(d) for d in ([1, 0, 0], [0, 1, 0])]) - centre
@@ -60,23 +59,26 @@ class Scene:
             box = np.s_[max(v0, 0) : max(v1 + 1, 0), max(u0, 0) : max(u1 + 1, 0)]
             if min(cover[box].shape) < 2:
                 continue
-            xy = (
-                rays[box][..., None, :]
-                + slope_u[box][..., None, :] * su[:, None]
-                + slope_v[box][..., None, :] * sv[:, None]
-            )
-            d = np.concatenate([xy, -np.ones((*xy.shape[:-1], 1))], axis=-1)
-            # where the ray meets the plane through this dot, parallel to the board
-            depth = (R[:, 2] @ (R @ self.true_xyz[i] + t)) / (d @ R[:, 2])
-            p = (depth[..., None] * d - t) @ R
-            off = p[..., :2] - self.true_xyz[i, :2]
+            off = self._off(i, rays[box])
+            away = np.linalg.norm(off, axis=-1)
+            inside = (away < radius[i]).astype(float)
+            pixel = [np.gradient(off, axis=axis) for axis in (0, 1)]
+            cut = np.abs(away - radius[i]) < 0.6 * sum(np.linalg.norm(side, axis=-1) for side in pixel)
+            ray, by_u, by_v = (x[box][cut][:, None] for x in (rays, slope_u, slope_v))
+            off = self._off(i, ray + by_u * su + by_v * sv)
             away = np.maximum(np.linalg.norm(off, axis=-1), 1e-9)
             # a sample counts for the part of its own area that is inside: a hard edge moves dots by 0.004 px
-            across = [np.gradient(off.mean(axis=-2), axis=axis) / n for axis in (0, 1)]
-            soft = np.hypot(*(np.einsum("vusi,vui->vus", off, side) / away for side in across))
-            inside = np.clip(0.5 + (radius[i] - away) / soft, 0, 1)
-            cover[box] = np.maximum(cover[box], inside.mean(axis=-1))
+            soft = np.hypot(*(np.einsum("psi,pi->ps", off, side[cut] / n) / away for side in pixel))
+            inside[cut] = np.clip(0.5 + (radius[i] - away) / soft, 0, 1).mean(axis=-1)
+            cover[box] = np.maximum(cover[box], inside)
         return cover
+
+    def _off(self, i: int, xy: np.ndarray) -> np.ndarray:
+        """How far from a dot (mm) rays (..., 2) meet the plane through it that is parallel to the board."""
+        R, t = self.pose.rotation, self.pose.translation_mm
+        d = np.concatenate([xy, -np.ones((*xy.shape[:-1], 1))], axis=-1)
+        depth = (R[:, 2] @ (R @ self.true_xyz[i] + t)) / (d @ R[:, 2])
+        return ((depth[..., None] * d - t) @ R)[..., :2] - self.true_xyz[i, :2]
 
     def _shifted(self, d) -> np.ndarray:
         return project(self.spec, self.interior, self.true_xyz + np.array(d, float), self.pose)
@@ -85,7 +87,7 @@ class Scene:
         """Render the grey image, 8 bit (or unrounded), as float32."""
         h, w = self.spec.height, self.spec.width
         v, u = np.mgrid[0:h, 0:w].astype(float)
-        cover = self.coverage()
+        cover = self.coverage
         for su, sv, r, share in self.extra:
             cover = np.maximum(cover, share * np.clip(r - np.hypot(u - su, v - sv) + 0.5, 0, 1))
         dots, board = (self.white, self.black) if self.field.polarity == "white-on-black" else (self.black, self.white)
@@ -149,6 +151,14 @@ class Scene:
         rng = np.random.default_rng(seed)
         clicks = [uv[index[c]] + rng.uniform(-error_px, error_px, 2) for c in cells]
         return [Seed(r, c, float(u), float(v)) for (r, c), (u, v) in zip(cells, clicks, strict=True)]
+
+
+@lru_cache(maxsize=2)
+def _rays(spec: DeviceSpec, interior: Interior) -> tuple[np.ndarray, ...]:
+    """X and Y of the pixels' rays (h, w, 2), and what they change by from row to row and column to column."""
+    v, u = np.mgrid[0 : spec.height, 0 : spec.width].astype(float)
+    rays = ray_directions(spec, interior, np.stack([u, v], axis=-1))[..., :2]
+    return rays, *np.gradient(rays, axis=(0, 1))
 
 
 def true_projector(uv: np.ndarray) -> np.ndarray:
