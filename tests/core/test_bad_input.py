@@ -25,8 +25,10 @@ pytestmark = pytest.mark.usefixtures("plain_reports")
 Edit = Callable[..., None]
 
 
-def files_of(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+def files_of(folder: Path) -> dict[str, tuple[int, ...]]:
+    """What tells that a file was written, even with the same content: its number, size and time."""
+    found = {str(p.relative_to(folder)): p.stat() for p in folder.rglob("*") if p.is_file()}
+    return {name: (s.st_ino, s.st_size, s.st_mtime_ns) for name, s in found.items()}
 
 
 @pytest.fixture
