@@ -32,7 +32,7 @@ from core.reconstruct.placed import Device
 from core.reconstruct.rays import camera_rays
 
 WITHIN = 1.5  # px of a pixel whose labels are next, at most
-APART_PX = 3.0  # places with the same labels that are farther apart lie on two surfaces
+APART_PX = 3.0, 12.0  # places with the same labels farther apart, noise added up to the latter, lie on two surfaces
 OFF_PX = 4.0  # the coordinate that does not find a place may be off by, beyond noise
 SIGMAS = 5.0
 WEAK = 0.1  # share of a coordinate's slope that lies along epipolar lines, less of which tells no place
@@ -111,7 +111,9 @@ def _leading(fan: Fan, labels: Labels, others: Labels) -> int:
     best = int(tells[1][0] > tells[0][0])
     if tells[best][0] == 0:
         remedy = "check the capture's frames and exposure"
-        raise NoCoordinateError("the cameras", "no projector coordinate was decoded by both", remedy)
+        raise NoCoordinateError(
+            "the cameras", "no projector coordinate was decoded by both over more than single pixels", remedy
+        )
     if tells[best][1] < WEAK:
         seen = f"only {'uv'[best]} was decoded, which hardly changes along their epipolar lines"
         raise NoCoordinateError("the cameras", seen, f"capture with patterns along {'yx'[best]}")
@@ -119,11 +121,14 @@ def _leading(fan: Fan, labels: Labels, others: Labels) -> int:
 
 
 def _places(one: Fan, one_labels: Labels, two: Fan, two_labels: Labels, lead: int) -> Floats:
-    """Where each pixel's labels are in the other image: (H, W, 3) of x, y and `along`; NaN where not in one place."""
+    """Where each pixel's labels are in the other image: x, y, `along`, px that are one place; NaN where in several.
+
+    Of shape (H, W, 4).
+    """
     x, y = _slopes(two.angle)
     value, slope = two_labels.values[..., lead], two_labels.slopes[..., lead, :]
     known = np.flatnonzero(np.isfinite(value + slope.sum(axis=-1) + two.angle))
-    found = np.full((*one.angle.shape, 3), np.nan, np.float32)
+    found = np.full((*one.angle.shape, 4), np.nan, np.float32)
     if not len(known):
         return found
     steep = np.abs(slope).max(axis=-1).ravel()[known]
@@ -157,7 +162,7 @@ def _find(  # type: ignore[no-untyped-def]
             if not (abs(a) < np.inf and abs(own) < np.inf):
                 continue
             i, j = int(np.floor((a - least[0]) / cell[0])), int(np.floor((own - least[1]) / cell[1]))
-            nearest, x0, y0, t0, lone = np.inf, 0.0, 0.0, 0.0, True
+            nearest, x0, y0, t0, apart0, lone = np.inf, 0.0, 0.0, 0.0, 0.0, True
             left, right = max(j - 1, 0), min(j + 2, columns)
             for row in range(max(i - 1, 0), min(i + 2, rows) if left < right else 0):
                 for k in range(ends[row * columns + left], ends[row * columns + right]):
@@ -173,22 +178,24 @@ def _find(  # type: ignore[no-untyped-def]
                     dx, dy = (ly * da - ay * dl) / det, (ax * dl - lx * da) / det
                     away = max(abs(dx), abs(dy))
                     noise = variances[r, c, lead] + their_variances[y, x, lead]
-                    allowed = 0.5 + SIGMAS * np.sqrt(noise) * max(abs(ax), abs(ay)) / abs(det)
-                    if not away <= min(max(allowed, 0.75), WITHIN):
+                    noise_px = SIGMAS * np.sqrt(noise) * max(abs(ax), abs(ay)) / abs(det)
+                    if not away <= min(max(0.5 + noise_px, 0.75), WITHIN):
                         continue
                     mx, my = slopes[y, x, next_one, 0], slopes[y, x, next_one, 1]
                     off = abs(values[r, c, next_one] - theirs[y, x, next_one] - mx * dx - my * dy)
                     noise = variances[r, c, next_one] + their_variances[y, x, next_one]
                     if off > OFF_PX * np.hypot(mx, my) + SIGMAS * np.sqrt(noise):
                         continue
-                    if nearest < np.inf and max(abs(x + dx - x0), abs(y + dy - y0)) > APART_PX:
+                    apart = min(APART_PX[0] + noise_px, APART_PX[1])
+                    if nearest < np.inf and max(abs(x + dx - x0), abs(y + dy - y0)) > max(apart, apart0):
                         lone = False
                     if away < nearest:
                         tx = 0.5 * (along[y, x + 1] - along[y, x - 1])
                         ty = 0.5 * (along[y + 1, x] - along[y - 1, x])
                         nearest, x0, y0, t0 = away, x + dx, y + dy, along[y, x] + tx * dx + ty * dy
+                        apart0 = apart
             if nearest < np.inf and lone:
-                found[r, c, 0], found[r, c, 1], found[r, c, 2] = x0, y0, t0
+                found[r, c, 0], found[r, c, 1], found[r, c, 2], found[r, c, 3] = x0, y0, t0, apart0
 
 
 def _lead_back(there: Floats, back: Floats) -> NDArray[np.bool_]:
@@ -198,4 +205,5 @@ def _lead_back(there: Floats, back: Floats) -> NDArray[np.bool_]:
     x, y = (np.where(known, np.rint(there[..., i]), 0).astype(np.intp) for i in (0, 1))
     inside = known & (x >= 0) & (y >= 0) & (x < back.shape[1]) & (y < back.shape[0])
     came = back[np.where(inside, y, 0), np.where(inside, x, 0)]
-    return inside & (np.abs(came[..., 0] - columns) <= APART_PX) & (np.abs(came[..., 1] - rows) <= APART_PX)
+    away = np.maximum(np.abs(came[..., 0] - columns), np.abs(came[..., 1] - rows))
+    return inside & (away <= np.maximum(there[..., 3], came[..., 3]))
