@@ -3,6 +3,7 @@
 * `points` dispatches: `reconstruct` is the stage;
 * `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
 * `joint` intersection from all cameras and projectors that saw a point;
+* `epipolar` where it starts without a calibrated projector; `light_planes` which of these places are another surface's;
 * `stations` a rig moved between captures as one rig; `overlaps` the mean of what its stations see;
 * `texture` points without code, matched in the images of two cameras; its kernels in `matching`;
 * `system` what of a photogrammetric calibration is prepared once: camera rays and projection along a ray;
