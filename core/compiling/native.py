@@ -113,5 +113,6 @@ def numbas(name: str) -> Any:
 @cache
 def _offer_runtime() -> None:
     """Name to LLVM what compiled code asks of numba's runtime."""
-    for name, address in numbas("core.runtime._nrt_python").c_helpers.items():
-        binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+    for module, prefix in (("core.runtime._nrt_python", "NRT_"), ("_helperlib", "numba_")):
+        for name, address in numbas(module).c_helpers.items():
+            binding.add_symbol(name if name.startswith("_") else prefix + name, address)

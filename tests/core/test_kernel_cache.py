@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import subprocess
 import sys
@@ -278,3 +279,24 @@ def test_kernels_take_and_give_what_numba_takes_and_gives() -> None:
         assert np.array_equal(*given, equal_nan=True)
     with pytest.raises(TypeError, match="not str"):
         ours("text")
+
+
+def test_what_is_kept_needs_nothing_that_only_numba_gives(tmp_path: Path) -> None:
+    program = tmp_path / "reshapes.py"
+    program.write_text(
+        "import sys, math, numpy\n"
+        "from core.compiling import njit\n"
+        "@njit(cache=True)\n"
+        "def kernel(values, out):\n"
+        "    flat = values.reshape(-1)\n"
+        "    for i in range(len(flat)):\n"
+        "        out[i] = math.erf(flat[i]) + math.lgamma(flat[i] + 2) + flat[i] ** 1.5 + flat[i] % 0.3\n"
+        "out = numpy.empty(4)\n"
+        "kernel(numpy.array([[1.0, 2], [3, 4]]), out)\n"
+        "print(out.sum().round(6), kernel.compiled)\n"
+    )
+    where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
+    told = [subprocess.run([sys.executable, program], check=True, env=where, capture_output=True) for _ in range(2)]
+    values = np.arange(1.0, 5)
+    sums = sum(math.erf(x) + math.lgamma(x + 2) + x**1.5 + x % 0.3 for x in values)
+    assert [done.stdout.split() for done in told] == [[f"{sums:.6f}".encode(), b"%d" % k] for k in (1, 0)]
