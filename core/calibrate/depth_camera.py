@@ -38,6 +38,8 @@ LEAST_TARGETS = 4
 MOST_MISSED = 0.02  # of the image's width, r.m.s., by which targets of one plate miss
 LEAST_AGREEING = 3  # positions against which one can be the odd one
 TARGETS_TO_START = 20
+# rounds and steps of each: a dozen steps find the right start's solution, wrong ones creep on for hundreds
+ROUGH, FULL = (1, 40), (3, 400)
 TO_OPENCV = np.diag([1.0, -1.0, -1.0])  # X right, Y down, looking along +Z
 ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 m with a 12 mm lens
 POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have hardly spoken
@@ -125,7 +127,7 @@ def orient_camera(
 
 def _fitted(spec: DeviceSpec, planes: Sequence[TargetPlane], known: Known) -> _Solution:
     thin = [_thinned(plane) for plane in planes]
-    tries = [_adjust(spec, thin, start, known, rounds=1) for start in _starts(spec, planes, known.interior)]
+    tries = [_adjust(spec, thin, start, known, ROUGH) for start in _starts(spec, planes, known.interior)]
     if not tries:
         raise AdjustmentError("depth plate", "its targets fit no pose", "check the picks of the depth captures")
     best = min(tries, key=lambda result: result.cost)
@@ -222,7 +224,9 @@ def _derivatives(spec: DeviceSpec, parameters: Array, places: Array, z: Array) -
     return np.concatenate([found.by_interior, found.by_pose[..., :3] @ left, found.by_pose[..., 3:], by_axis], axis=-1)
 
 
-def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known: Known, rounds: int = 3) -> _Solution:
+def _adjust(
+    spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known: Known, effort: tuple[int, int] = FULL
+) -> _Solution:
     """Least squares from one start, repeated with the variances that the residuals before it show."""
     places = np.concatenate([plane.xyz_mm for plane in planes])
     target = np.unique(np.concatenate([plane.target for plane in planes]), return_inverse=True)[1]
@@ -249,9 +253,11 @@ def _adjust(spec: DeviceSpec, planes: Sequence[TargetPlane], start: Array, known
         return np.concatenate([observed, known.root @ before[0], before[1]]) * scale
 
     p, sigmas = start[:-1] / scale, (1.0, 0.0)
+    rounds, steps = effort
     for _ in range(rounds):
         own, shared = sigmas
-        p, J = least_squares(partial(residuals, own=own, shared=shared), partial(jacobian, own=own, shared=shared), p)
+        by_sigmas = partial(residuals, own=own, shared=shared), partial(jacobian, own=own, shared=shared)
+        p, J = least_squares(*by_sigmas, p, steps)
         sigmas = _sigmas(misfit(p), target)
     covariance = np.asarray(np.linalg.pinv(J.T @ J, hermitian=True) * np.outer(scale, scale), np.float64)
     rest = misfit(p)

@@ -14,9 +14,9 @@ STEEPEST = 1e12  # damping at which no step, however short, makes the sum smalle
 
 
 def least_squares(
-    misfit: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: ArrayLike
+    misfit: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: ArrayLike, most_steps: int = MOST_STEPS
 ) -> tuple[Array, Array]:
-    """Minimise the squared sum of ``misfit(x)``, (m,), by damped steps; give x, (n,), and the derivatives (m, n) there.
+    """Minimise the squared sum of ``misfit(x)``, (m,), by damped steps, so many at most; give x, (n,), and the derivatives (m, n).
 
     Marquardt, *An algorithm for least-squares estimation of nonlinear parameters*, J. SIAM 11 (1963).
 
@@ -31,7 +31,7 @@ def least_squares(
     x = np.array(start, np.float64)
     rest, J, damping = misfit(x), jacobian(x), 1e-3
     cost = float(rest @ rest)
-    for _ in range(MOST_STEPS):
+    for _ in range(most_steps):
         N = J.T @ J
         N[np.diag_indices(len(x))] *= 1 + damping
         try:
