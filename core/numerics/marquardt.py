@@ -16,7 +16,7 @@ STEEPEST = 1e12  # damping at which no step, however short, makes the sum smalle
 def least_squares(
     misfit: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: ArrayLike, most_steps: int = MOST_STEPS
 ) -> tuple[Array, Array]:
-    """Minimise the squared sum of ``misfit(x)``, (m,), by damped steps, so many at most; give x, (n,), and the derivatives (m, n).
+    """Minimise the squared sum of ``misfit(x)``, (m,), by damped steps; give x, (n,), and the derivatives (m, n) there.
 
     Marquardt, *An algorithm for least-squares estimation of nonlinear parameters*, J. SIAM 11 (1963).
 
