@@ -14,6 +14,7 @@ from core.decode.tables import Singles
 from core.numerics import median_of
 
 FARTHEST = 48  # px
+LAST = 1.0  # lines: so near the field's edge the darkness may begin where the image ends
 
 
 def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, width: float, missing: Flag) -> None:
@@ -29,10 +30,11 @@ def drop_rim(u: Singles, sigma: Singles, flags: np.ndarray, lines: float, width:
     here = u[row, column]
     across = np.abs(here - u[row, np.maximum(column - 1, 0)])
     down = np.abs(here - u[np.maximum(row - 1, 0), column])
-    slope = sum(
-        median_of(known) if len(known) else 0.0 for step in (across, down) for known in [step[np.isfinite(step)]]
-    )
-    reach = int(min(FARTHEST, np.ceil(2 * width / max(slope, 1e-3)) + 1))
+    slopes = [median_of(known) for step in (across, down) if len(known := step[np.isfinite(step)])]
+    slope = max(sum(slopes), 1e-3)
+    reach = int(min(FARTHEST, np.ceil(2 * width / slope) + 1))
     beside = cv2.dilate(flags & int(Flag.LOW_MODULATION), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
-    lost = beside[row, column] > 0
+    last = np.minimum(here + 0.5, lines - 0.5 - here) < LAST
+    aside = np.min([row, u.shape[0] - 1 - row, column, u.shape[1] - 1 - column], axis=0)
+    lost = (beside[row, column] > 0) | (last & (aside < min(FARTHEST, 2 * LAST / slope + 1)))
     invalidate(u, sigma, flags, (row[lost], column[lost]), Flag.OUTSIDE | missing)

@@ -204,6 +204,17 @@ def test_the_rim_of_the_field_is_invalid_where_the_image_shows_it(bench) -> None
     assert not good[(u < -0.5) | (u > 63.5)].any()
 
 
+def test_the_rim_of_the_field_is_invalid_where_the_image_ends_with_it(bench) -> None:
+    """The darkness that would betray it is outside the image; the coordinates were off by 7 sigmas."""
+    patterns = gray_and_phase("x", 64, cell=5, periods=[10])
+    u = np.tile(np.linspace(-0.6, 63.6, 150), (20, 1))
+    b = bench(count=64).__class__(u, None, (64, 64), blur=0.6)
+    phase = decode(patterns, b.take(patterns), lines=(64, 64))
+    good = np.isfinite(phase.u)
+    assert np.abs((phase.u - u) / phase.sigma_u)[good].max() < 5
+    assert good[(u > 2.5) & (u < 60.5)].mean() > 0.99
+
+
 def test_a_code_that_contradicts_the_phase_is_flagged(bench) -> None:
     """One Gray frame of another scene: the words are no longer those of the phases' places."""
     patterns = [*gray_and_phase("x", N, cell=2, periods=[4]), *REFERENCE]

@@ -89,8 +89,8 @@ def test_decoding_passes_over_levels_it_cannot_use() -> None:
         decode(p, [np.uint8(np.rint(40 + 150 * pattern_image(q, 64, 9))) for q in p], lines=(64, 9))
         for p in ([*patterns, White(), Black()], with_levels)
     )
-    assert np.abs(plain.u - np.arange(64)).max() < 0.05
-    assert np.array_equal(plain.u, more.u)
+    assert np.abs(plain.u - np.arange(64))[:, 1:-1].max() < 0.05  # the first and last line end with the image
+    assert np.array_equal(plain.u, more.u, equal_nan=True)
 
 
 def test_a_kind_is_added_from_outside(extension) -> None:
