@@ -25,7 +25,7 @@ from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
 from core.numerics import median_of, quantile_of, quantiles, ranked
-from core.patterns import Axis, Code, Phase, axis_of, level_of
+from core.patterns import Axis, Code, Line, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
 
@@ -128,8 +128,9 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     grey = np.array([image[stride // 2 :: stride, stride // 2 :: stride].ravel() for image in images], np.float64)
     full = 255 if images[0].dtype == np.uint8 else 2 ** max(8, int(max(i.max() for i in images)).bit_length()) - 1
     found = summarise(plan, grey, at, (height, width), full)
-    # a frame that only claims to be white is no measure of brightness
-    return replace(found, white=np.maximum(found.white, *quantiles(grey, 0.9)))
+    # a frame that only claims to be white is no measure of brightness, and light sections are bright in few frames
+    bright = grey.max(axis=0) if any(isinstance(p, Line) for p in plan.shots) else quantiles(grey, 0.9)[0]
+    return replace(found, white=np.maximum(found.white, bright))
 
 
 def _light(sampled: Sampled, board: bool) -> list[Finding]:

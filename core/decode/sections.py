@@ -24,6 +24,7 @@ CHANCE = F(2)  # the brightest of some hundred frames is so many standard deviat
 BLURS = 0.1 * 1.1 ** np.arange(40)  # lines
 USUAL = 0.5  # lines, blur where too few pixels tell it
 FEWEST = 50  # pixels that tell it
+ALIKE = 0.005  # parts of a section's light that lines share
 CLEAR = 10.0  # standard deviations that their sections stand out
 
 
@@ -48,15 +49,21 @@ def measure_ripple(table: AxisTable, axis: AxisFrames | None, sample: Singles, n
         light = np.where(near, np.maximum(grey[:, clear] - dark[clear] - ground, 0), 0)
         seen = float(np.mean(np.square(light).sum(axis=0) / light.sum(axis=0) ** 2))
     shared, ripples = np.array([_sampled(lines.pitch, lines.width, blur, cut) for blur in BLURS]).T
-    at = np.abs(shared - seen).argmin() if np.isfinite(seen) else np.abs(BLURS - USUAL).argmin()
+    off = np.abs(shared - seen) if np.isfinite(seen) else np.abs(BLURS - USUAL)
+    at = np.flatnonzero(off <= off.min() + ALIKE)[-1]  # of blurs that too wide gaps do not tell apart the greatest
     return table._replace(line_ripple=np.float32(ripples[at]))
 
 
 def _sampled(pitch: float, width: int, blur: float, cut: float) -> tuple[float, float]:
-    """How few lines share the light of a section above the part `cut` of the brightest; the centroid's r.m.s. error."""
+    """How few lines share the light of a section above the part `cut` of the brightest; the centroid's r.m.s. error.
+
+    Of the places that are lit: between lines wider apart than they are wide some see none.
+    """
     u = (np.arange(32)[:, None] + 0.5) / 32 * pitch
     x = np.arange(-20, 22) * pitch
     light = erf((x + width / 2 - u) / (blur * np.sqrt(2))) - erf((x - width / 2 - u) / (blur * np.sqrt(2)))
+    lit = light.max(axis=1) > cut * light.max()
+    u, light = u[lit], light[lit]
     weight = np.maximum(light - cut * light.max(axis=1, keepdims=True), 0)
     total = weight.sum(axis=1)
     error = (weight * x).sum(axis=1) / total - u[:, 0]
