@@ -205,6 +205,8 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
             f"is {p.width} x {p.height}, the one in project.json has {spec.width} x {spec.height}",
             "import it into a project of the same devices; --camera and --projector name them, --cameras two cameras",
         )
+    if min(p.fx, p.fy) <= 0:
+        raise InputError(f"{p.name} of the calibration", f"fx {p.fx:g} and fy {p.fy:g} px", "export it again")
     c = p.fy * spec.pitch_mm[1]
     b1 = p.fx * spec.pitch_mm[0] / c - 1
     x0, y0 = pixel_to_image(spec, [p.cx, p.cy])
@@ -235,6 +237,8 @@ def pair_to_calibration(
     R = FLIP @ pair.rotation @ FLIP
     if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
         raise InputError(source, "the rotation between its devices is none", "export it again")
+    if not np.any(pair.translation_mm):
+        raise InputError(source, "its devices are at the same place", "export it again")
     U, _, Vt = np.linalg.svd(R)
     known, size = pair.covariance is not None, sum(len(d.interior.vector) for d in devices) + 6
     ways = ((_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True))

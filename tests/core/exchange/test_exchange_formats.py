@@ -292,6 +292,15 @@ def test_files_of_other_programs_are_read_without_image_sizes(name, tmp_path) ->
     assert "gives no image sizes" in back.verdict.because[-1]
 
 
+def test_what_is_no_pair_of_pinholes_is_refused(calibration) -> None:
+    pair = fit_pair(calibration, FORMATS["opencv"].free)
+    mirrored = dataclasses.replace(pair, camera=dataclasses.replace(pair.camera, fx=-pair.camera.fx))
+    with pytest.raises(InputError, match="fx -"):
+        pair_to_calibration(mirrored, CAMERA, PROJECTOR, "file")
+    with pytest.raises(InputError, match="same place"):
+        pair_to_calibration(dataclasses.replace(pair, translation_mm=np.zeros(3)), CAMERA, PROJECTOR, "file")
+
+
 def test_matrices_written_by_hand_are_read(tmp_path) -> None:
     path = tmp_path / "hand.json"
     text = {"camera_matrix": K.tolist(), "distortion_coefficients": [k], "projector_matrix": K.tolist(),
