@@ -120,7 +120,7 @@ def _slip(board: Board, picks: Picks, blobs: Blobs, last: Array) -> str:
         at = [best for best, _ in _spots(board, picks, blobs, uv, NEARER)]
         if min(at) >= 0 and len(set(at)) == len(at):
             return told
-    return "pick the middle of a dot, or correct its row, column or the board's polarity"
+    return "pick the middle of a dot, or correct its row or column, the board's polarity or diameter_mm"
 
 
 def _spots(board: Board, picks: Picks, blobs: Blobs, uv: Array, within: float = 1.0) -> list[tuple[int, float]]:

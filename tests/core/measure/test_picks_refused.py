@@ -92,7 +92,9 @@ def test_no_dot_near(truth, phase):
     assert "pick 1 (row 1, col 1)" in found.notes[0]
     a, b = truth.seeds([(5, 6), (4, 5)], error_px=0.0)
     seeds[2] = replace(seeds[2], u=(a.u + b.u) / 2, v=(a.v + b.v) / 2)
-    assert "has no dot of the expected size within" in refusal(truth, phase, seeds)
+    message = refusal(truth, phase, seeds)
+    assert "has no dot of the expected size within" in message
+    assert "diameter_mm" in message  # too large, it makes every dot one of another size
 
 
 def test_frames_turned_by_half_after_they_were_picked(truth, phase):
