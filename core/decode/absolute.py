@@ -67,7 +67,7 @@ from core.errors import InputError
 from core.model import PhaseMap
 from core.numerics import compressed_in_blocks
 from core.parallel import run_in_bands
-from core.patterns import Axis, Pattern
+from core.patterns import Axis, Pattern, check_entries
 from core.progress import SILENT, Progress
 
 DEFAULT = DecodeOptions()
@@ -134,6 +134,8 @@ def decode(
     array([3., 4., 5., 6.], dtype=float32)
     """
     arrays = check_images(patterns, images, where)
+    if lines is not None:
+        check_entries(patterns, lines, where)
     fused = None if exposures_ms is None else fuse_exposures(patterns, arrays, exposures_ms, options, where)
     if fused is not None:
         depth = replace(options, saturation=float(DEEPEST), min_modulation=options.min_modulation * fused.steps)

@@ -28,6 +28,7 @@ from core.patterns.presets import PRESETS
 from core.patterns.sequence import finest_steps, gray_and_phase, light_sections, reference_sequence
 from core.patterns.spec import (
     SequenceSpec,
+    check_entries,
     default_sequence,
     like,
     parse_sequence,
@@ -55,6 +56,7 @@ __all__ = [
     "alike",
     "axis_of",
     "brightness",
+    "check_entries",
     "cycle_lines",
     "default_sequence",
     "describe",

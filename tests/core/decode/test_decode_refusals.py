@@ -7,7 +7,7 @@ import pytest
 
 from core.decode import decode
 from core.errors import Cancelled, InputError
-from core.patterns import Black, Code, Phase, White, brightness, gray_and_phase, light_sections
+from core.patterns import Black, Code, Lines, Phase, White, brightness, gray_and_phase, light_sections
 from core.progress import Progress
 
 
@@ -47,6 +47,15 @@ def test_a_missing_bit(bit, kind) -> None:
 def test_a_missing_bit_of_code_alone(bit) -> None:
     patterns = gray_and_phase("x", 64, cell=1, periods=[])
     assert f"bit {bit} " in refused([p for p in patterns if p.bit != bit])
+
+
+@pytest.mark.parametrize("count", [4, 120])
+def test_words_of_another_projector(count: int) -> None:
+    """They were decoded: lines without an entry were taken for dark, entries without a line left out."""
+    words = [Lines("x", "".join("01"[c == "1"] for c in f"{k:0{count}b}"[:count])) for k in (5, 9, 12)]
+    message = refused([*FULL, *words])
+    assert f"pattern {len(FULL)}: " in message
+    assert f"{count} entries, the projector 64 lines" in message
 
 
 def test_one_period_without_code() -> None:
