@@ -21,7 +21,7 @@ from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, problem_of, weighted_problem
 from core.calibrate.robust import misfits, robust_state
-from core.calibrate.selection import Warnings, adjustable, check_network
+from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network
 from core.calibrate.snooping import (
     far_off,
     far_off_error,
@@ -178,7 +178,11 @@ def _mirrored(network: Network, devices: Collection[str]) -> Network:
     return replace(network, observation_uv=uv)
 
 
-def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tuple[Solved, Warnings]:
+def _solved(
+    network: Network, options: AdjustOptions, progress: Progress, spare_ends: bool = False
+) -> tuple[Solved, Warnings]:
+    """Solve and reject; with `spare_ends` no images of the ends of measured distances, which these may contradict."""
+    whole = network
     network, warnings = adjustable(network)
     network, more = without_unobservable(network)
     warnings += more
@@ -205,11 +209,19 @@ def _solved(network: Network, options: AdjustOptions, progress: Progress) -> tup
             bad = group.rows
             warnings.append(str(group))
         else:
-            bad = gross_errors(solved.problem, sizes(within_images(solved.problem, normalised)), options.reject_beyond)
+            size = sizes(within_images(solved.problem, normalised))
+            ends = [end for d in solved.problem.distances for end in (d.start, d.stop)] if spare_ends else []
+            spared = np.where(np.isin(solved.problem.point, ends), 0.0, size)
+            bad = gross_errors(solved.problem, spared, options.reject_beyond)
         if not len(bad):
             break
         rejected += len(bad)
-        network, problem, state, more = without(solved.network, solved.problem, solved.state, bad)
+        try:
+            network, problem, state, more = without(solved.network, solved.problem, solved.state, bad)
+        except LostEndError:  # one image after the other: the distance is wrong, not they
+            if spare_ends:
+                raise
+            return _solved(whole, options, progress, spare_ends=True)
         warnings += more
         solved, lost, more = _solve_despite(_Start(network, problem, state), options, progress.part(0.1, 0.9))
     if rejected:

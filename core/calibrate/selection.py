@@ -18,6 +18,10 @@ Warnings = list[Concern | str]  # of an adjustment; concerns put its result in d
 LEAST_POINTS = 4  # that a free station must see: three leave up to four solutions
 
 
+class LostEndError(AdjustmentError):
+    """Too few images show an end of a measured distance."""
+
+
 def selected(network: Network, observations: Bools) -> Network:
     """Keep those observations, shape (m,), and only the stations and points that still have some."""
     stations = np.unique(network.observation_station[observations])
@@ -31,7 +35,7 @@ def selected(network: Network, observations: Bools) -> Network:
         ends = int(new_point[distance.start]), int(new_point[distance.stop])
         if min(ends) < 0:
             lost = network.point_names[distance.start if ends[0] < 0 else distance.stop]
-            raise AdjustmentError(
+            raise LostEndError(
                 f"point {lost}",
                 "an end of the measured distance is not determined by the images",
                 "observe it in at least two of them, or give another distance",

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from core.calibrate import adjust, calibrate_photogrammetric
+from core.calibrate import AdjustOptions, adjust, calibrate_photogrammetric
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.problem import problem_of
@@ -306,6 +306,8 @@ def test_further_distances_take_part() -> None:
     assert abs(np.linalg.norm(ends[0] - ends[1]) - second.length_mm) < 0.003  # three sigmas
     wrong = replace(second, length_mm=second.length_mm + 1.0)  # a thousand sigmas
     assert adjust(replace(network, lengths=(wrong,))).sigma0 > 3
+    rejecting = adjust(replace(network, lengths=(wrong,)), options=AdjustOptions(reject_beyond=5.0))
+    assert rejecting.sigma0 > 3  # all images of an end were rejected, one by one, and the end was called unseen
 
 
 # ------------------------------------------------------------------------------------------------------------- on files
