@@ -23,6 +23,7 @@ NEAR, BESIDE, FAR = 1.0, 1.3, 2.3  # lines from an edge in which levels change e
 STRAIGHT = 0.9  # of half the contrast, the same
 APART = 6.0  # lines between edges of a bit, at least
 BITS = 3  # the finest of those
+SPREAD = 0.05  # of the odd function's values, least variance: a third of what they have where all lines are seen
 FEWEST = 15  # pixels about rising edges, and about falling ones, that tell it in a tile and those beside it
 AROUND = 5  # tiles across, whose squares are taken together
 # times what noise makes of it, and lines, from which there is anything to tell; and part of the tiles that must show it
@@ -72,12 +73,12 @@ def moved_edges(place: Singles, smooth: NDArray[np.bool_], table: AxisTable, lev
     return np.where(shown, np.sqrt(beyond) / by_phase, 0).astype(np.float32)
 
 
-def _fitted(tile: NDArray[np.intp], y: Array, sign: Array, *odd: Array) -> tuple[Array, Array]:
-    """Fit what edges show in tiles: a constant, what falls as much as it rises, and odd functions of the place.
+def _fitted(tile: NDArray[np.intp], y: Array, sign: Array, odd: Array) -> tuple[Array, Array]:
+    """Fit what edges show in tiles: a constant, what falls as much as it rises, and an odd function of the place.
 
     The terms (n, TILES, TILES), NaN where too little tells them, and the variance of the constant by noise.
     """
-    columns = np.ones(len(y)), sign, *odd
+    columns = np.ones(len(y)), sign, odd
     sums = [np.bincount(tile, a * b, TILES**2) for a in (*columns, y) for b in (*columns, y)]
     size = len(columns) + 1
     normal = _around(np.stack(sums, axis=1, dtype=float).reshape(TILES, TILES, -1), 3).reshape(TILES, TILES, size, size)
@@ -85,7 +86,9 @@ def _fitted(tile: NDArray[np.intp], y: Array, sign: Array, *odd: Array) -> tuple
     terms = (inverse @ normal[..., :-1, -1:])[..., 0]
     number = normal[..., 0, 0]
     left = (normal[..., -1, -1] - np.sum(terms * normal[..., :-1, -1], axis=-1)) / np.maximum(number - size, 1)
-    terms = np.where((number - np.abs(normal[..., 0, 1]) >= 2 * FEWEST)[..., None], terms, np.nan)
+    told = number - np.abs(normal[..., 0, 1]) >= 2 * FEWEST
+    told &= number * inverse[..., 2, 2] < 1 / SPREAD  # pixels in step with lines: a slope is as good as a constant
+    terms = np.where(told[..., None], terms, np.nan)
     return np.moveaxis(terms, -1, 0), np.maximum(left, 0) * inverse[..., 0, 0]
 
 
