@@ -13,7 +13,6 @@ import numpy as np
 from core.calibrate import calibrate_photogrammetric
 from core.devices.profiles import read_profile
 from core.exchange import FORMATS
-from core.geometry import pair_of
 from core.model import Adjustment, PhotogrammetricCalibration, TargetSet
 from core.patterns.spec import read_sequence_file
 from core.pipeline.failures import read_failures
@@ -184,7 +183,6 @@ def readers(folder: Path) -> dict[str, Reader]:
     }
     for name in IMAGES:
         found[name] = of(name, lambda f, name=name: read_image(f / name, (6, 8)))  # type: ignore[misc]
-    pair = pair_of(calibration)
     from core.exchange import fit_pair
 
     for name, form in FORMATS.items():
@@ -192,7 +190,7 @@ def readers(folder: Path) -> dict[str, Reader]:
             continue
         path = folder / "exchange" / name / f"calibration{form.endings[0]}"
         path.parent.mkdir(parents=True)
-        written = form.write(fit_pair(pair, form.free), path)
+        written = form.write(fit_pair(calibration, form.free), path)
         for k, file in enumerate(written):
             own = str(file.relative_to(folder))
             found[f"{name}{k or ''}"] = of(own, lambda f, form=form, path=path: form.read(path))  # type: ignore[misc]
