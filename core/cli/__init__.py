@@ -27,7 +27,7 @@ GROUPS = (experiment, recording, road, results, state, watching, exchange)
 
 
 def run() -> None:
-    """Run one command, and end without taking numba's objects down one by one: that takes a tenth of a second.
+    """Run one command, and end without taking all its objects down one by one.
 
     Who ends the program by a signal has it end as by Ctrl-C: in one line, with nothing half written, no lock held.
     """
