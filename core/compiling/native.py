@@ -12,6 +12,7 @@ import os
 import struct
 from collections.abc import Sequence
 from functools import cache
+from importlib import import_module
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
 from typing import Any, NamedTuple
@@ -98,13 +99,13 @@ def _engine() -> Any:
 
 
 def numbas(name: str) -> Any:
-    """Import a module of numba without the rest of it; ImportError where there is none."""
+    """Import a module of numba without the rest of it, where its file is found; ImportError where there is no numba."""
     package = find_spec("numba")
     *folder, _ = name.split(".")
     places = [os.path.join(place, *folder) for place in (package and package.submodule_search_locations) or ()]
     spec = PathFinder.find_spec(f"numba.{name}", places)
     if spec is None or spec.loader is None:
-        raise ImportError(f"numba.{name}")
+        return import_module(f"numba.{name}")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

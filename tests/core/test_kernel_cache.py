@@ -18,7 +18,7 @@ import pytest
 from llvmlite.binding import get_host_cpu_features
 
 from core import compiling
-from core.compiling import kept
+from core.compiling import kept, native
 
 ROOT = Path(__file__).parents[2]
 HELPERS = '''
@@ -300,3 +300,12 @@ def test_what_is_kept_needs_nothing_that_only_numba_gives(tmp_path: Path) -> Non
     values = np.arange(1.0, 5)
     sums = sum(math.erf(x) + math.lgamma(x + 2) + x**1.5 + x % 0.3 for x in values)
     assert [done.stdout.split() for done in told] == [[f"{sums:.6f}".encode(), b"%d" % k] for k in (1, 0)]
+
+
+@pytest.mark.parametrize("name", ["_version", "_helperlib", "core.runtime._nrt_python"])
+def test_modules_of_numba_are_had_without_the_rest_or_else_with_it(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = native.numbas(name)
+    monkeypatch.setattr(native.PathFinder, "find_spec", lambda *_: None)
+    whole = native.numbas(name)
+    assert whole is sys.modules[f"numba.{name}"]
+    assert vars(alone).keys() == vars(whole).keys()
