@@ -107,6 +107,13 @@ def test_every_process_gives_a_kernel_the_same_name() -> None:
     assert len(names) == 1
 
 
+def told_twice(program: Path) -> list[list[bytes]]:
+    """Run a program in two processes, with a cache beside it that is empty before; give the words that each prints."""
+    where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(program.parent)}
+    done = [subprocess.run([sys.executable, program], check=True, env=where, capture_output=True) for _ in range(2)]
+    return [one.stdout.split() for one in done]
+
+
 def test_a_kept_kernel_runs_without_numba(tmp_path: Path) -> None:
     program = tmp_path / "allocates.py"
     program.write_text(
@@ -116,9 +123,7 @@ def test_a_kept_kernel_runs_without_numba(tmp_path: Path) -> None:
         "def total(values): return (numpy.zeros(3) + values).sum()\n"
         "print(total(numpy.ones(3)), 'numba' in sys.modules)\n"
     )
-    where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
-    told = [subprocess.run([sys.executable, program], check=True, env=where, capture_output=True) for _ in range(2)]
-    assert [done.stdout.split() for done in told] == [[b"3.0", b"True"], [b"3.0", b"False"]]
+    assert told_twice(program) == [[b"3.0", b"True"], [b"3.0", b"False"]]
 
 
 def test_kernels_brought_along_are_loaded_where_they_fit(tmp_path: Path) -> None:
@@ -295,11 +300,9 @@ def test_what_is_kept_needs_nothing_that_only_numba_gives(tmp_path: Path) -> Non
         "kernel(numpy.array([[1.0, 2], [3, 4]]), out)\n"
         "print(out.sum().round(6), kernel.compiled)\n"
     )
-    where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
-    told = [subprocess.run([sys.executable, program], check=True, env=where, capture_output=True) for _ in range(2)]
     values = np.arange(1.0, 5)
     sums = sum(math.erf(x) + math.lgamma(x + 2) + x**1.5 + x % 0.3 for x in values)
-    assert [done.stdout.split() for done in told] == [[f"{sums:.6f}".encode(), b"%d" % k] for k in (1, 0)]
+    assert told_twice(program) == [[f"{sums:.6f}".encode(), b"%d" % k] for k in (1, 0)]
 
 
 @pytest.mark.parametrize("name", ["_version", "_helperlib", "core.runtime._nrt_python"])
