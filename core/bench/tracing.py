@@ -2,9 +2,6 @@
 
 Written a second time, scalar by scalar, and not borrowed from `core.geometry`: a bench that shared the formulae with
 what it examines could not find their faults. The tests compare the two.
-
-All kernels that call each other stand in this one file: numba's cache looks for changes in the file of the outer one
-only.
 """
 
 from __future__ import annotations
