@@ -13,7 +13,7 @@ from core.model.finding import Finding
 from core.numerics import compressed_in_blocks, median_of, quantile_of
 from core.patterns import level_of
 
-GOLDEN = 0.618034
+IRRATIONAL = 0.618034, 0.7548776662  # by which whole numbers along two axes have nothing to do with each other
 GRID = 12_000  # pixels sampled
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 STEADY = 0.1  # share by which the light may change from one square of 2 px to the next where mosaics are looked for
@@ -100,9 +100,12 @@ def _even(image: NDArray) -> bool:
     return not lit.any() or max(float(np.mean(own[lit] == other[lit])) for other in (above, before)) > EVEN
 
 
-def _scattered(size: int, count: int) -> NDArray[np.int64]:
-    """Give so many whole numbers below a size, in step with nothing: squares times an irrational number."""
-    return (np.arange(count) ** 2 * GOLDEN % 1 * size).astype(np.int64)
+def scattered(size: int, count: int, factor: float = IRRATIONAL[0]) -> NDArray[np.int64]:
+    """Give so many whole numbers below a size, as if at random: squares times an irrational number.
+
+    numpy's generators take longer to import than most checks to work.
+    """
+    return (np.arange(count) ** 2 * factor % 1 * size).astype(np.int64)
 
 
 def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
@@ -110,7 +113,7 @@ def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
     even = [i for f, i in zip(capture.frames, images, strict=True) if level_of(f.pattern)] or images
     share = min(GRID / even[0].size, 0.25) ** 0.5
     # as if at random: a board's dots may be evenly spaced
-    v, u = (2 + 2 * _scattered(max(n // 2 - 2, 0), max(int(share * n) - 2, 0)) for n in even[0].shape)
+    v, u = (2 + 2 * scattered(max(n // 2 - 2, 0), max(int(share * n) - 2, 0)) for n in even[0].shape)
 
     def four(down: int, right: int) -> NDArray[np.float64]:
         at = [np.ix_(v + down + y, u + right + x) for y, x in product((0, 1), repeat=2)]

@@ -19,7 +19,7 @@ from core.capture.beside import beside_code
 from core.capture.contradictions import PIXELS, Looked
 from core.capture.exchanged import exchanged_frames
 from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines
-from core.capture.pixels import GRID, LEAST_LIT, bytes_exchanged, compressed, enlarged, mosaic
+from core.capture.pixels import GRID, IRRATIONAL, LEAST_LIT, bytes_exchanged, compressed, enlarged, mosaic, scattered
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.model import Capture, PhaseMap, Subject
@@ -43,7 +43,6 @@ MOVED_PX = 0.5
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
 ALL_ROUND = 0.3  # mean of phases as unit vectors: some periods are seen
-EVENLY = 0.7548776662, 0.5698402910  # whose multiples together fill a square evenly
 DOUBLED, FAR, THIN = 0.03, 0.05, 8000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 
@@ -206,8 +205,8 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
 
 def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Finding]:
     """Find steps that differ by hardly more than noise, where others of their period differ as their shifts say."""
-    spread = np.outer(EVENLY, np.arange(THIN)) % 1  # a grid may beat with the lines
-    at = tuple((part * n).astype(int) for part, n in zip(spread, images[0].shape, strict=True))
+    # a grid may beat with the lines
+    at = tuple(scattered(n, THIN, factor) for n, factor in zip(images[0].shape, IRRATIONAL, strict=True))
     steps: dict[tuple[Axis, float], list[int]] = {}
     for k, p in enumerate(plan.shots):
         if isinstance(p, Phase):
