@@ -15,7 +15,7 @@ captures.py  the same frames twice, grey values unlike the others', dots' diamet
 left_out.py  points and captures that had no part, with the reasons
 """
 
-from core.checks.boards import misplaced_concerns
+from core.checks.boards import exchanged_notes, misplaced_concerns
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
@@ -31,6 +31,7 @@ __all__ = [
     "bar_notes",
     "code_concerns",
     "end_notes",
+    "exchanged_notes",
     "foreign_concerns",
     "form_of",
     "given_concerns",

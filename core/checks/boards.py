@@ -1,4 +1,4 @@
-"""Single targets whose place in a board's file is wrong: images have them elsewhere, or nowhere."""
+"""Single targets whose place in a board's file is wrong: images have them elsewhere or nowhere, or it is another's."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from core.checks.lengths import nominal_of
 from core.geometry import similarity
-from core.model import Adjustment, Array, Concern, TargetSet, Testfield
+from core.model import Adjustment, Array, Concern, Note, TargetSet, Testfield
 from core.numerics import median_of, nearest
 
 FAR = 5.0  # times what half of the targets are off: of 250 with normal errors one is so far once in 10⁵ boards
@@ -16,6 +16,7 @@ OFF = 0.03  # of the spacing: single dots are printed better than that
 EVEN, LEAST = 0.01, 12  # of the spacing, by which targets are off the even grid of a board of so many
 UNSEEN = 0.08  # of the spacing: a target that is so far off the grid, and in none of
 CAPTURES = 4  # or more captures
+ASTRAY, FEW_ASTRAY = 0.5, 0.25  # of the spacing: another's place is nearer; a share of the targets
 AROUND, MOST = 8, 3  # targets about each; and that may be wrong by mistake
 
 
@@ -26,6 +27,25 @@ def misplaced_concerns(board: Testfield, adjustment: Adjustment, sets: Sequence[
     if len(told) > MOST:
         return []
     return [Concern("doubtful", text, "board") for text in told]
+
+
+def exchanged_notes(board: Testfield) -> tuple[Note, ...]:
+    """Find targets of an even board that stand in each other's place: no image shows how targets are called."""
+    if len(board.row) < LEAST:
+        return ()
+    off, astray = _off_grid(board), ASTRAY * _spacing(board.xyz_mm)
+    lost = np.flatnonzero(np.linalg.norm(off, axis=1) > astray)
+    if not 2 <= len(lost) <= FEW_ASTRAY * len(off):
+        return ()
+    apart = np.linalg.norm(board.xyz_mm[lost, None] - (board.xyz_mm - off)[lost], axis=2)
+    if len({*apart.argmin(axis=1).tolist()}) < len(lost) or apart.min(axis=1).max() > astray:
+        return ()
+    names = [
+        f"{row}/{col}" for row, col in sorted(zip(board.row[lost].tolist(), board.col[lost].tolist(), strict=True))
+    ]
+    named = f"{', '.join(names[:-1])} and {names[-1]}"
+    text = f"targets {named} of its testfield file stand in each other's place: exchange their row and col"
+    return (Note(text, "value"),)
 
 
 def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list[str]:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.geometry import similarity
 from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
 from core.numerics import chi_square_limit, distinct, nearest, normal_limit, sigma_by_median
@@ -23,6 +24,7 @@ OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 TAILS = 2.5  # root mean square of residuals over their sigma by the median; images that are off as a whole make it 1.9
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
+LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
 LOST = 0.05  # share of the observations that may be gross errors
 MOST_LOST = 0.25
 C_DOUBTFUL, C_FAILED = 1.2, 1.6  # focusing at the distances of such rigs makes c longer than f by less than a fifth
@@ -90,11 +92,36 @@ def given_concerns(adjustment: Adjustment) -> list[Concern]:
                 "coordinates, or their sigmas"
             )
             concerns.append(Concern("failed" if rms > FAILED_RATIO else "doubtful", text))
+    concerns += _exchanged(adjustment)
     bars = [network.scale, *network.lengths] if network.scale else network.lengths
     weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
     if bars or weighed:
         concerns += [Concern("doubtful", _too_large(*found)) for found in _cautious(adjustment).items()]
     return concerns + [concern for bar in bars for concern in _length(adjustment, bar)]
+
+
+def _exchanged(adjustment: Adjustment) -> list[Concern]:
+    """Find two points that were adjusted to each other's approximate place; a free datum hides that in no residual."""
+    network, found = adjustment.network, adjustment.points_mm
+    if len(found) < LEAST_POINTS:
+        return []
+    near = np.ones(len(found), bool)
+    for _ in range(3):
+        scale, R, shift = similarity(network.point_xyz_mm[near], found[near])
+        places = (found - shift) @ R / scale
+        off = np.linalg.norm(places - network.point_xyz_mm, axis=1)
+        near = off <= max(ROUGH * float(np.median(off)), 1e-9)
+    takes = nearest(network.point_xyz_mm, 1, places)[:, 0]
+    names = network.point_names
+    return [
+        Concern(
+            "doubtful",
+            f"points.csv: {names[a]} and {names[b]} are adjusted to each other's place: exchange their coordinates, or "
+            "their names in observations.csv",
+        )
+        for a, b in enumerate(takes.tolist())
+        if a < b and takes[b] == a and not near[a] and not near[b]
+    ]
 
 
 def _too_large(device: str, ratio: float) -> str:

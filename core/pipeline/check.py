@@ -19,7 +19,7 @@ from typing import Any
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
 from core.fields import kept_object, read_document, text_of
-from core.model import Capture, Method, Note, PlaneEvaluation, Project, TargetSet
+from core.model import Capture, Method, Note, PlaneEvaluation, Project, TargetSet, Testfield
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
@@ -168,10 +168,14 @@ def _captures(folder: Path, progress: Progress) -> Iterator[Finding]:
     for name, count in Counter(path.name for path in project.captures).items():
         if count > 1:
             yield folder / "project.json", f"{count} captures are called {name!r}", "rename one of the folders", None
+    boards: dict[int, Testfield] = {}
     for path in progress.over(project.captures, "looking at {0.name}"):
         try:
             capture = read_capture(path, project)
             yield from _ignored(path, capture.notes)
+            if (board := capture.testfield) is not None and id(board) not in boards:
+                boards[id(board)] = board
+                yield from _exchanged(path, board)
             shapes = {name: (spec.height, spec.width) for name, spec in project.rig.cameras.items()}
             for frame in capture.frames:
                 check_frame(frame.path, shapes.get(frame.camera))
@@ -185,6 +189,14 @@ def _ignored(place: Path, notes: Sequence[Note]) -> Iterator[Finding]:
         where, _, told = note.partition(": ")
         seen, _, remedy = told.partition("; ")
         yield place / where, seen, remedy, None
+
+
+def _exchanged(place: Path, board: Testfield) -> Iterator[Finding]:
+    from core.checks import exchanged_notes
+
+    for note in exchanged_notes(board):
+        seen, _, remedy = note.partition(": ")
+        yield place / "capture.json", seen, remedy, None
 
 
 def _see_picks(project: Project, capture: Capture) -> None:

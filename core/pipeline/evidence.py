@@ -140,12 +140,13 @@ class Evidence:
 
     def said(self, method: Method) -> list[Concern]:
         """What the captures of a method say of themselves, and those of which nothing was measured."""
-        from core.checks import size_concerns
+        from core.checks import exchanged_notes, size_concerns
 
-        sets = self.targets(method)
+        sets, boards = self.targets(method), {id(c.testfield): c.testfield for c in self.used[method]}
+        of_board = {key: exchanged_notes(board) for key, board in boards.items() if board is not None}
         notes = {name: [n for n in own if named_by(n) != "pick"] for name, own in notes_of(sets).items()}
         for capture in self.used[method]:
-            notes.setdefault(capture.name, []).extend(capture.notes)
+            notes.setdefault(capture.name, []).extend((*capture.notes, *of_board.get(id(capture.testfield), ())))
         notes["project"] = list(self.project.notes)
         told = noted(notes)  # picks are approximate, and more than are needed: nothing in doubt
         return [*told, *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]

@@ -120,10 +120,12 @@ def measured_or_why(
     capture: Capture, phase: PhaseMap, project: Project, side: Side
 ) -> tuple[TargetSet, Sequence[Labelling], NotRecognisedError | None]:
     """Measure one decoded capture; where its board is not recognised, give no targets and why."""
+    from core.checks import exchanged_notes
     from core.measure import SAME, unmeasured
 
+    of_board = exchanged_notes(capture.testfield) if capture.testfield is not None else ()
     try:
-        with because_of({capture.name: phase.notes}):
+        with because_of({capture.name: (*phase.notes, *of_board)}):
             return *measured_capture(capture, phase, project, side), None
     except NotRecognisedError as error:
         assert capture.testfield is not None
