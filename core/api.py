@@ -9,7 +9,7 @@ Lengths are mm.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal, SupportsFloat
 
 import numpy as np
@@ -28,6 +28,7 @@ from core.geometry import (
     undistort,
 )
 from core.given import as_coordinates, as_device, as_image, as_numbers, as_pattern, as_sigmas, as_size
+from core.lazy import dataclass
 from core.model import (
     AdjustedDevice,
     Adjustment,

@@ -15,7 +15,7 @@ import json
 import time
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from core.errors import InputError, StripeError
 from core.fields import kept_object, text_of
 from core.figures import evaluation_figures, phase_figures
+from core.lazy import dataclass
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
 from core.pipeline import find_capture, load_calibrations, phase_maps, read_phase, write_cloud, write_phase

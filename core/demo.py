@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from core.figures import evaluation_figures
+from core.lazy import dataclass
 from core.model import Figures
 from core.patterns import SequenceSpec
 from core.pipeline import (

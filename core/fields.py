@@ -9,11 +9,12 @@ import math
 import os
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
 from core.errors import InputError
+from core.lazy import dataclass
 
 _ABSENT: Any = object()
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 from core.errors import Cancelled
+from core.lazy import dataclass
 
 T = TypeVar("T")
 Report = Callable[[float, str], None]

@@ -6,12 +6,12 @@ To add one, put an `Action` into the list that `commands.program_actions` return
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QKeySequence
 from PySide6.QtWidgets import QMenu, QMenuBar
 
+from core.lazy import dataclass
 from stripe_gui.assets import icon
 from stripe_gui.workbench import Workbench
 

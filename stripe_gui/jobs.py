@@ -11,13 +11,13 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from core.errors import Cancelled
+from core.lazy import dataclass
 from core.progress import Progress
 
 POLL_MS = 30

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from PySide6.QtCore import QObject, Signal
 
 from core.errors import StripeError
+from core.lazy import dataclass
 from stripe_gui.dialogs import Dialogs
 from stripe_gui.jobs import Failure, Job, JobQueue
 from stripe_gui.presenters.stages import stage_name

@@ -7,7 +7,7 @@ gives the `Experiment`, from which any single capture can be rendered without a 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from core.bench.scene import BLACK, Block, Board, Form, Scene, Sphere, board_as_
 from core.bench.truth import operator_picks, true_targets
 from core.errors import InputError, choose_among
 from core.geometry import Pose, matrix_from_axis_angle
+from core.lazy import dataclass
 from core.model import Role, ScaleBar, Seed, Testfield
 from core.patterns import Pattern
 from core.progress import SILENT, Progress

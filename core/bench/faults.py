@@ -7,7 +7,7 @@ object's place during the sequence, or the order in which the images arrive.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from core.bench.rig import Rig
 from core.bench.scene import Detour, Scene
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_rotation_vector
+from core.lazy import dataclass
 
 
 @dataclass(frozen=True)

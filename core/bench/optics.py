@@ -5,14 +5,13 @@ Everything is separable in the two axes of the device, so the blurred pattern is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 from scipy.special import erf
 
 from core.bench.tables import PAD, PER_LINE
+from core.lazy import dataclass
 from core.model import Array, Floats
 
 DEFOCUS_STEP = 0.02  # of |Z_focus / Z - 1| from one tabulated width to the next

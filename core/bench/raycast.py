@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +11,7 @@ from core.bench.scene import Scene
 from core.bench.tables import fade_rows
 from core.bench.tracing import cast_rows, pack_device
 from core.geometry import Pose
+from core.lazy import dataclass
 from core.model import Array, Floats
 from core.parallel import run_in_bands
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +17,7 @@ from core.bench.rig import Rig
 from core.bench.scene import Scene
 from core.bench.sensor import digitise
 from core.bench.tables import expose_pixels
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Floats
 from core.parallel import THREADS, run_in_bands
 from core.patterns import Pattern, axis_of, brightness

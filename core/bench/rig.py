@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from core.bench.optics import Lcd, Lens
 from core.bench.sensor import Sensor
 from core.geometry import Pose
+from core.lazy import dataclass
 from core.model import DeviceSpec, Interior
 
 # Brenner, Böhm, Gühring (1999): the adjusted parameters of the published rig, taken as the truth here

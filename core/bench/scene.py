@@ -5,12 +5,13 @@ All lengths are mm in the board's frame: x right, y up along the board, z out of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from core.geometry import Pose
+from core.lazy import dataclass
 from core.model import Array, Testfield
 
 WHITE = 1.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +9,7 @@ from core.bench.raycast import cast
 from core.bench.rig import Rig
 from core.bench.scene import Scene
 from core.geometry import project
+from core.lazy import dataclass
 from core.model import Array, Seed
 
 MARGIN = 2.0  # px or lines from the edge of an image

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -47,6 +47,7 @@ from core.calibrate.weakness import (
 )
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Pose
+from core.lazy import dataclass
 from core.model import AdjustedDevice, Adjustment, Array, Concern, Network
 from core.progress import SILENT, Progress
 

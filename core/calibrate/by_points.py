@@ -13,8 +13,6 @@ and with ``T = BᵀN⁻¹F`` and ``V = FᵀN⁻¹F + E`` the system that remains
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from core.calibrate.datum import datum_columns
@@ -22,6 +20,7 @@ from core.calibrate.equations import distance_equation
 from core.calibrate.normals import Factor, Inverse, Normals, factorise, inverse_of_factor, solve_factor
 from core.calibrate.problem import Problem
 from core.calibrate.state import State, Step
+from core.lazy import dataclass
 from core.model import Array
 
 

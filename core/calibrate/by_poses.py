@@ -5,8 +5,6 @@ The reduced system holds the covariances of all that matters, and the inner cons
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from core.calibrate.datum import datum_columns, null_space
@@ -14,6 +12,7 @@ from core.calibrate.equations import distance_equation
 from core.calibrate.normals import Factor, Inverse, Normals, factorise, inverse_of_factor, solve_factor
 from core.calibrate.problem import Problem
 from core.calibrate.state import State, Step
+from core.lazy import dataclass
 from core.model import Array
 
 

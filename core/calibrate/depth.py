@@ -10,7 +10,7 @@ The method needs no model of the projector: lens and pattern errors that repeat 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
@@ -23,6 +23,7 @@ from core.calibrate.depth_curves import Curves, fit_polynomials, fit_table
 from core.calibrate.depth_smooth import smooth_maps
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose
+from core.lazy import dataclass
 from core.model import Array, DepthCalibration, DeviceSpec, Floats, Interior, PhaseMap, TargetSet, Testfield
 from core.progress import SILENT, Progress
 
@@ -62,7 +63,7 @@ def calibrate_depth(
     testfield: Testfield | None,
     planes: Sequence[DepthPlane],
     *,
-    options: DepthOptions = DepthOptions(),
+    options: DepthOptions = DepthOptions(),  # noqa: B008  frozen
     interior: tuple[Interior, Array] | None = None,
     adjusted: Testfield | None = None,
     recentred: Callable[[TargetSet, Testfield, DeviceSpec, Interior, Pose], TargetSet] | None = None,

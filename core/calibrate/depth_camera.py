@@ -13,7 +13,7 @@ share a part (its place) beside their own (the image noise); both variances are 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import cv2
@@ -31,6 +31,7 @@ from core.geometry import (
     ray_directions,
     rotation_vector_from_matrix,
 )
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior, Ints
 from core.numerics import least_squares
 

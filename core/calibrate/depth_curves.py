@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import inner, njit
+from core.lazy import dataclass
 from core.model import Array, Floats
 from core.numerics.small import solve_in_place
 from core.parallel import run_in_bands

@@ -7,13 +7,12 @@ The lens A1..A6 is written out here; the images through others come with the unk
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from core.calibrate.problem import Observed, Problem
 from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import njit
+from core.lazy import dataclass
 from core.model import Array, Ints, NetworkScale
 from core.parallel import run_in_bands
 

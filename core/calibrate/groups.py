@@ -7,7 +7,7 @@ by point, the largest residual first, that would need an adjustment for each, an
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -19,6 +19,7 @@ from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import Warnings, adjustable, selected
 from core.calibrate.state import State
 from core.errors import AdjustmentError
+from core.lazy import dataclass
 from core.model import Array, Ints, Network
 from core.numerics import fisher_limit
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from core.calibrate.datum import aligned
@@ -12,6 +10,7 @@ from core.calibrate.equations import cost_of
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem
 from core.calibrate.state import State, Step, moved
+from core.lazy import dataclass
 from core.progress import SILENT, Progress
 
 LEAST_CONTRACTION = 0.01  # ratio of two steps: what remains is not trusted to shrink faster than that

@@ -8,8 +8,6 @@ chi-square distributed. Source: Cook, Weisberg, *Residuals and influence in regr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from core.calibrate.adjust import Solved, solve_network
@@ -18,6 +16,7 @@ from core.calibrate.options import AdjustOptions
 from core.calibrate.weakness import ORIENTATION
 from core.errors import InputError
 from core.geometry import LENSES
+from core.lazy import dataclass
 from core.model import Array, Network
 from core.numerics import fisher_limit
 from core.progress import SILENT, Progress

@@ -6,7 +6,7 @@ whitened equations, the pose itself eliminated. Its observations need not be kno
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -20,6 +20,7 @@ from core.calibrate.problem import problem_of
 from core.calibrate.state import interior_of
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_axis_angle, project
+from core.lazy import dataclass
 from core.model import Network
 from core.model.arrays import Ints
 from core.progress import SILENT, Progress

@@ -8,7 +8,6 @@ by Cholesky's method, its diagonal scaled to 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from threading import Lock
 
 import numpy as np
@@ -17,6 +16,7 @@ from core.calibrate.equations import GLOBALS, POINT, POSE, equations_band, room_
 from core.calibrate.problem import RELATIVE, Observed, Problem
 from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
+from core.lazy import dataclass
 from core.model import Array, Ints
 from core.numerics import factor_of, inverse_by, solution_by
 from core.parallel import run_in_bands

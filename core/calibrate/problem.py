@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import LENSES, estimated, lens_of, nominal
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Ints, Network, NetworkScale
 
 MOST_REDUCED = 3000  # unknowns of points that are kept whole; more are eliminated if there are fewer of the poses

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, rotation_vector_from_matrix
 from core.geometry.pairs import relative_derivatives
+from core.lazy import dataclass
 from core.model import Array, Network
 from core.numerics import fisher_limit
 from core.progress import SILENT, Progress

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from core.calibrate.problem import RELATIVE, Problem
 from core.geometry import LENSES, Pose, matrix_from_rotation_vector
+from core.lazy import dataclass
 from core.model import Array, Interior
 
 

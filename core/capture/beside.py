@@ -9,12 +9,12 @@ a code the phases of two periods are compared, over lengths in which a response 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.model import Array
 from core.model.finding import Finding
 from core.numerics import sigma_about_median

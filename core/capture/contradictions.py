@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.lookup import dictionary, nearest_within
+from core.lazy import dataclass
 from core.numerics import distinct
 from core.patterns import Axis, Code, Pattern, Phase, axis_of
 

@@ -6,7 +6,7 @@ import re
 import shutil
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -19,6 +19,7 @@ from core.capture.recognise import order_in_words, recognise
 from core.capture.stored import check_stored
 from core.errors import InputError
 from core.fields import regular
+from core.lazy import dataclass
 from core.model import Capture, DeviceSpec, Frame, PhaseMap, Project, Subject
 from core.model.finding import Finding
 from core.patterns import Pattern, SequenceSpec, alike, like, read_sequence_file

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
 from core.capture.preflight import linearity
 from core.devices import Camera, Check, Projector, no_check, open_devices, wait_until
 from core.errors import DeviceError
+from core.lazy import dataclass
 from core.model.finding import Finding
 from core.patterns import Black, Pattern, White
 from core.progress import SILENT, Progress

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.patterns import Pattern, brightness
 
 Array = NDArray[np.float32]

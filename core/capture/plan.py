@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from core.errors import InputError, PatternRefusedError
+from core.lazy import dataclass
 from core.model import Project, Role, Subject
 from core.patterns import Black, Level, Pattern, White, axis_of, brightness, default_sequence, describe, level_of
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from core.devices.dialogue import Dialogue, shown
 from core.devices.link import LineDownError
@@ -13,6 +13,7 @@ from core.devices.profiles import read_profile
 from core.devices.rs232 import described, load_values
 from core.devices.template import Value
 from core.errors import DeviceError
+from core.lazy import dataclass
 from core.patterns import Code, Level, Line, Lines, Pattern, Phase, White
 from core.progress import SILENT, Progress
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.plan import Plan
+from core.lazy import dataclass
 from core.model import Array
 from core.model.finding import Finding, Level
 from core.numerics import distinct, quantile_of, quantiles, row_median, sigma_about_median

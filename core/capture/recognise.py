@@ -9,7 +9,6 @@ dark that no line has. Frames are exchanged as long as that makes the pixels fit
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations, permutations
 
 import numpy as np
@@ -18,6 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from core.capture.lookup import dictionary
 from core.errors import InputError
+from core.lazy import dataclass
 from core.numerics import distinct, quantile_of, quantiles
 from core.patterns import Axis, Pattern, axis_of, brightness, cycle_lines, describe, level_of, use_of
 from core.progress import SILENT, Progress

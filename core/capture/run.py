@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from core.capture.store import (
 from core.capture.triggered import period_of, take_sequence
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
+from core.lazy import dataclass
 from core.model import Project, Subject
 from core.model.finding import Finding
 from core.patterns import Pattern, describe

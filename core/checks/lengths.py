@@ -6,7 +6,7 @@ not like the others is named.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from core.checks.network import LEVEL, unit_hint
 from core.checks.plates import Plates
 from core.geometry import similarity
+from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Note, ScaleBar, Testfield
 from core.numerics import chi_square_limit
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from core.geometry import pair_of, perturbed, project, ray_directions
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior, Pair, PhotogrammetricCalibration, TargetSet, Testfield
 
 START = 50.0  # focal lengths: where the search for a point on a ray begins

@@ -9,13 +9,14 @@ stands is nobody's concern.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from core.checks.plates import intersect_targets
 from core.errors import InputError
 from core.geometry import perturbed, project, ray_directions
+from core.lazy import dataclass
 from core.model import AdjustedDevice, Adjustment, Array, Interior, Pair
 from core.numerics import chi_square_limit, quantile_of
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, reduce
 from operator import or_
 from typing import NamedTuple
@@ -64,6 +64,7 @@ from core.decode.tables import (
     no_axis,
 )
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import PhaseMap
 from core.numerics import compressed_in_blocks
 from core.parallel import run_in_bands

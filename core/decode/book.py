@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from core.decode.compiled import NONE, fast, part
 from core.decode.tables import Array, Singles
 from core.errors import InputError
+from core.lazy import dataclass
 from core.numerics import erf
 from core.patterns import Axis, Pattern, axis_of, brightness, level_of
 

@@ -8,7 +8,6 @@ found in the same residuals, tile by tile.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -19,6 +18,7 @@ from core.decode.frames import AxisFrames, Image, SortedFrames
 from core.decode.refined import PAD, PER_LINE, SUMS, TILE, AxisModel, Light, blur_costs, refine_pixels, rows_for
 from core.decode.response import Response
 from core.decode.tables import Array, AxisTable, Limits, Singles
+from core.lazy import dataclass
 from core.parallel import run_in_bands
 from core.patterns import Pattern, brightness, grey_reason
 from core.progress import Progress

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.numerics import distinct
 from core.patterns import Axis, Pattern, Phase, axis_of, level_of, use_of
 

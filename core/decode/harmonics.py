@@ -13,7 +13,6 @@ straightened by their own noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import islice
 
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from core.decode.curves import HIGHEST
 from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles, sums_of
+from core.lazy import dataclass
 from core.model import Array
 from core.numerics import ranked
 from core.patterns import Pattern, brightness, grey_reason, use_of

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.tables import Array, Singles
+from core.lazy import dataclass
 from core.numerics import median_of
 
 TILES = 16  # of the image, in either direction

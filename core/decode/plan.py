@@ -9,7 +9,6 @@ least safe step is the safest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import ceil
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from core.decode.frames import AxisFrames, CodeFrames, Numbers
 from core.errors import InputError
+from core.lazy import dataclass
 from core.numerics import distinct
 
 MAX_BITS = 24  # cell numbers must be exact in single precision

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +12,7 @@ from core.decode.curves import HIGHEST, LEVELS, PARAMETERS, both_sides, dimming,
 from core.decode.frames import PhaseFrames, SortedFrames
 from core.decode.harmonics import GRID, STRAIGHT, bend_of, correction
 from core.decode.tables import AxisTable, Singles
+from core.lazy import dataclass
 from core.model import Array
 from core.patterns import Axis, grey_reason
 

@@ -8,7 +8,6 @@ matrix over the frames, so one kernel serves every set of frames.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from math import pi
 from typing import NamedTuple
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from core.decode.frames import AxisFrames, Numbers, PhaseFrames, SortedFrames
 from core.decode.plan import Plan, UsedCode
+from core.lazy import dataclass
 from core.model import Array
 from core.numerics import distinct
 from core.patterns import Phase, brightness

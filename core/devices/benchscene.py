@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from core.devices.address import Address
 from core.devices.protocol import Pixels, refuse_grey
 from core.devices.scene import Lines
 from core.errors import InputError
+from core.lazy import dataclass
 from core.patterns import Pattern, grey_reason
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from difflib import get_close_matches
 from typing import Any
 
 from core.errors import InputError
 from core.fields import LIKE, Fields, Read
+from core.lazy import dataclass
 
 
 @dataclass(frozen=True)

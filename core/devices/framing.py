@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import reduce
 from typing import Literal
 
 from core.devices.template import Template
+from core.lazy import dataclass
 
 PARTS = ("start", "head", "length", "body", "mark", "check", "end")
 Order = Literal["big", "little"]

@@ -11,13 +11,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from core.devices.protocol import GRAIN_S, Check, Image, Note, Pixels, Setting, no_check, no_note
 from core.errors import DeviceError
+from core.lazy import dataclass
 
 SAME = 0.02  # a setting read back within two per cent counts as taken
 _EARLY_S = 0.01  # by which a time stamp may seem to lie before its trigger

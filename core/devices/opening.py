@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 from weakref import WeakValueDictionary
@@ -18,6 +18,7 @@ from core.devices.scene import FlatScene, Scene
 from core.devices.stored import FolderCamera, ReplayScene
 from core.devices.virtual import Stage, VirtualCamera, VirtualProjector
 from core.errors import InputError
+from core.lazy import dataclass
 
 Device = TypeVar("Device", covariant=True)
 _SCENE_OPTIONS = ("pose", "shot", "seed")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from core.devices.framing import CheckSum, Framing
 from core.devices.template import LineBits, Template, Value
+from core.lazy import dataclass
 from core.patterns import Pattern
 from core.patterns.kinds import KINDS
 

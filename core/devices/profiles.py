@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from core.devices.template import CALCULATED, LineBits, Template, Value, Words, 
 from core.devices.wrapping import read_check, read_framings
 from core.errors import InputError
 from core.fields import text_of
+from core.lazy import dataclass
 from core.patterns import Pattern, parse_sequence, pattern_from_dict
 from core.resources import resource
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
 from core.errors import DeviceError, PatternRefusedError
+from core.lazy import dataclass
 from core.patterns import Pattern, grey_reason
 
 Pixels = NDArray[Any]  # (H, W), uint8 or uint16

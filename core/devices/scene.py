@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.devices.protocol import Pixels, refuse_grey
+from core.lazy import dataclass
 from core.model import Array
 from core.patterns import Pattern, axis_of, brightness
 

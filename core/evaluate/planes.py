@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import StripeError
+from core.lazy import dataclass
 from core.model import Array, Floats, Interior, Method, PhaseMap, PlaneEvaluation, PointCloud
 from core.numerics import median_of, ranked, sigma_by_median
 

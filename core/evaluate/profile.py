@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import InputError
 from core.geometry import ray_directions
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior, PlaneEvaluation
 from core.numerics import four_pixels
 

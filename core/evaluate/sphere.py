@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from core.errors import StripeError
+from core.lazy import dataclass
 from core.model import Array
 
 LEAST_POINTS = 5  # four points fit any sphere

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from core.errors import InputError
 from core.geometry import Pose, calibration_of_pair, distort, image_to_pixel, pair_of, pixel_to_image, project
 from core.geometry.lens import MAIN, fitted
 from core.geometry.rotation import cross_matrix
+from core.lazy import dataclass
 from core.model import AdjustedDevice, Array, DeviceSpec, Interior, PhotogrammetricCalibration, Verdict
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order

@@ -5,13 +5,12 @@ The collinearity image ``(x, y)`` of a point passes through the device's lens; `
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from core.geometry.lens import distort, lens_of, undistort
 from core.geometry.rotation import Pose
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior, NetworkDevice
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from core.lazy import dataclass
 
 Array = NDArray[np.float64]  # as core.model has it, which stands on the poses here
 

@@ -6,12 +6,11 @@ centroid is taken in the full image later.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.model import Array
 from core.numerics import median_of
 

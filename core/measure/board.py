@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import Array, Testfield
 from core.numerics import nearest
 

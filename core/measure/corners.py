@@ -12,11 +12,10 @@ is even about the edges and does not move the centre.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.model import Array
 
 ITERATIONS = 12

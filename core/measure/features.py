@@ -9,7 +9,6 @@ around a feature, linear for a plane, and carries the edge's rays to the surface
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry import project, ray_directions
+from core.lazy import dataclass
 from core.measure.blobs import connected_spots
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
 from core.numerics import distinct, sigma_by_median

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError, NotRecognisedError
+from core.lazy import dataclass
 from core.measure.blobs import Blobs
 from core.measure.board import Board
 from core.model import Array, Note, Seed

@@ -6,12 +6,12 @@ Where there is neither, something covers the board, its light or the image ends,
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.measure.blobs import SMALLEST_PX
 from core.model import Array, Floats
 from core.numerics import four_pixels, from_neighbours

@@ -6,11 +6,10 @@ second harmonic that a slightly wrong tilt leaves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.measure.rays import ANGLES, DIRECTIONS, RAYS, Rays
 from core.model import Array, Floats
 from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, normal_equations, row_median

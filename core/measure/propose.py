@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.measure.blobs import Blobs, find_blobs
 from core.measure.places import bare_ground, dots_at, reduced, reduced_to
 from core.measure.single import predicted_view

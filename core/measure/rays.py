@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from core.lazy import dataclass
 from core.measure.kernels import in_bands, sample_rays
 from core.model import Array, Floats
 

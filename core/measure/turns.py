@@ -17,13 +17,14 @@ guessed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.measure.board import board_from_testfield
 from core.model import Array, Ints, TargetSet, Testfield
 from core.numerics import median_of, nearest

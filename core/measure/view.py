@@ -5,14 +5,13 @@ Good enough to predict the neighbourhood of known targets and the eccentricity o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
 from core.compiling import njit
 from core.errors import InputError
 from core.geometry import Pose, image_to_pixel, matrix_from_rotation_vector, pixel_to_image
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior
 
 RADIAL_SIGMA = 0.1  # a lens rarely moves the corner of its image by more than a tenth of its radius

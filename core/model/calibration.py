@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
+from core.lazy import dataclass
 from core.model.arrays import Array, Floats
 from core.model.network import Network
 from core.model.rig import DeviceSpec, Interior

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from core.lazy import dataclass
 from core.model.note import Note
 from core.model.targets import Seed, Testfield
 

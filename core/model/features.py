@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from core.lazy import dataclass
 from core.model.arrays import Array
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from core.lazy import dataclass
 from core.model.arrays import Array, Ints
 from core.model.rig import DeviceSpec
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from core.lazy import dataclass
 from core.model.arrays import Array
 
 if TYPE_CHECKING:

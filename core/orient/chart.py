@@ -10,10 +10,10 @@ independent, so that their tests give false alarms at the stated rate.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
+from core.lazy import dataclass
 from core.model import Array, DriftPoint, Pair, RigMotion
 from core.orient.chance import significance_of
 from core.orient.freedom import DEFAULT, OrientOptions, orientation_freedom

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.model import Array
 from core.numerics import sigma_by_median
 from core.orient.freedom import Freedom

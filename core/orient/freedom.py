@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from core.geometry import cross_matrix
+from core.lazy import dataclass
 from core.model import Array, Pair
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from core.errors import InputError
 from core.evaluate import fit_sphere
 from core.geometry import project_with_derivatives, similarity
+from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient.residuals import Sight, epipolar_residuals, pixels_within
 

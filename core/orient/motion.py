@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import pair_for, perturbed
+from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.numerics import distinct, sigma_by_median
 from core.orient.chance import significance_of, stretch_of

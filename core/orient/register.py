@@ -12,7 +12,7 @@ so that the errors dc of the calibration, which all captures share, are carried 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 from typing import Literal
@@ -21,6 +21,7 @@ import numpy as np
 
 from core.errors import InputError
 from core.geometry import Pose, pair_derivatives, pair_for, project
+from core.lazy import dataclass
 from core.model import Array, Overlap, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud, Registration, TargetSet
 from core.numerics import sigma_by_median
 from core.orient.residuals import Residuals, Sight, epipolar_residuals

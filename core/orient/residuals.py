@@ -7,7 +7,7 @@ depth. What remains, across it, is the epipolar residual, in units of its standa
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Self
 
 import cv2
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import project_with_derivatives, ray_directions
+from core.lazy import dataclass
 from core.model import AdjustedDevice, Array, Floats, Pair, PhaseMap
 from core.numerics import inverse_2x2, median_of, quantile_of
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import project_with_derivatives, ray_directions
+from core.lazy import dataclass
 from core.model import AdjustedDevice, Array, PointCloud
 
 LEAST_KNOWN = 0.8  # of a patch's pixels

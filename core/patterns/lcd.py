@@ -7,12 +7,11 @@ row pattern, in black and white, and nothing else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import PatternRefusedError
+from core.lazy import dataclass
 from core.patterns.kinds import Pattern
 from core.patterns.pattern import axis_of, brightness, describe, grey_reason
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from math import ceil, log, pi, sqrt
 from typing import Any
 
 from core.fields import Fields
+from core.lazy import dataclass
 from core.patterns.dense import dense_words
 from core.patterns.kinds import Axis, Black, Lines, Pattern, White
 from core.patterns.sequence import gray_and_phase

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any
 
 from core.errors import InputError
 from core.fields import Fields, text_of
+from core.lazy import dataclass
 from core.patterns.kinds import Lines, Pattern
 from core.patterns.pattern import describe, grey_reason, pattern_from_dict, pattern_to_dict
 from core.patterns.presets import PRESETS, Size

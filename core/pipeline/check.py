@@ -11,7 +11,6 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from typing import Any
 from core.atomic import is_leftover, sweep
 from core.errors import StripeError
 from core.fields import kept_object, read_document, text_of
+from core.lazy import dataclass
 from core.model import Capture, Method, Note, PlaneEvaluation, Project, TargetSet, Testfield
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import partial
 from importlib import import_module
 from itertools import starmap, zip_longest
@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import Capture, Note, PhaseMap, Project, named_by
 from core.parallel import can_fork, on_processes
 from core.progress import SILENT, Progress

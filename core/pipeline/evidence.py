@@ -8,13 +8,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from core.errors import AdjustmentError, InputError, NotRecognisedError, StripeError
+from core.lazy import dataclass
 from core.model import (
     Adjustment,
     Calibration,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from core.fields import kept_object
+from core.lazy import dataclass
 from core.project import write_json
 
 

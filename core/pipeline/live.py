@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import count as numbers
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from core.errors import AdjustmentError, InputError
 from core.geometry import pair_of
+from core.lazy import dataclass
 from core.model import DriftPoint, Method, PhaseMap, PhotogrammetricCalibration, Project
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.capture import devices_of

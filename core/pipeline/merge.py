@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from core.errors import InputError
 from core.figures import picked
 from core.geometry import pair_of, rotation_vector_from_matrix
+from core.lazy import dataclass
 from core.model import (
     Capture,
     Figures,

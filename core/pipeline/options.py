@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from core.errors import InputError, choose_among
 from core.geometry import lens_of
+from core.lazy import dataclass
 from core.model import Project
 
 DEVICES = ("camera", "projector")

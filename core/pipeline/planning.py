@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from math import ceil, exp, log, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from core.decode import decode
 from core.decode.noise import spatial_residual
 from core.errors import InputError
 from core.fields import text_of
+from core.lazy import dataclass
 from core.model import Array, Capture, Project
 from core.patterns import (
     Axis,

@@ -16,7 +16,7 @@ import os
 import shutil
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, field, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from core.atomic import flush_folder, make_folder, part_prefix
 from core.errors import InputError, StripeError
 from core.fields import kept_object, text_of
 from core.geometry import LENSES, rotation_vector_from_matrix
+from core.lazy import dataclass
 from core.model import Figures, Method, Project
 from core.pipeline.folders import result_path
 from core.pipeline.inputs import Record

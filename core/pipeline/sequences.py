@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from core.atomic import undone_on_failure
 from core.errors import InputError, choose_among
+from core.lazy import dataclass
 from core.model import DeviceSpec, PhaseMap, Project, Subject
 from core.patterns import Pattern, SequenceSpec, default_sequence, pattern_image
 from core.progress import SILENT, Progress

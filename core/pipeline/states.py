@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
+from core.lazy import dataclass
 from core.pipeline.inputs import Record
 
 Word = Literal["absent", "current", "outdated", "failed"]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 
 from core.errors import Cancelled, InputError, StripeError
 from core.figures import phase_figures
+from core.lazy import dataclass
 from core.model import Capture, Figures, Method, Project
 from core.parallel import on_processes
 from core.pipeline.calibrate import calibrate_project, methods_in_use

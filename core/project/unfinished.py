@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.project.images import read_image
 
 TRANSCRIPT = "transcript.jsonl"

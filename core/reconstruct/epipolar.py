@@ -16,13 +16,12 @@ either image has the same labels, and if they lie where the others say that thei
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import njit
 from core.errors import NoCoordinateError
+from core.lazy import dataclass
 from core.model import Array, Floats
 from core.numerics import quantile_of
 from core.parallel import run_in_bands

@@ -15,7 +15,7 @@ drift enters; the noise of L_own is common to the residuals of all other cameras
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import IntEnum
 from typing import Literal
 
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry import project, ray_directions
+from core.lazy import dataclass
 from core.model import Array, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.numerics import chi_square_limit, nearest
 from core.parallel import run_in_bands

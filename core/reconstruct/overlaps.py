@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import project_with_derivatives
+from core.lazy import dataclass
 from core.model import Array, PointCloud
 from core.reconstruct.placed import Device
 

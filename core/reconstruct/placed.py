@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from core.errors import InputError
 from core.geometry import Pose
 from core.geometry.pairs import names_of, orientation_names
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior, PhotogrammetricCalibration
 
 

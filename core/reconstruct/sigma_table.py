@@ -8,12 +8,13 @@ saves a factor of a hundred in time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import Pose, lens_of, project, project_with_derivatives, ray_directions
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior
 from core.numerics import inverse_2x2, nearest
 

@@ -7,12 +7,12 @@ linear in q, which is why everything here is written in q.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from core.geometry import Pose, image_to_pixel, lens_of
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Floats, Interior, Pair
 from core.reconstruct.rays import camera_rays
 from core.reconstruct.sigma_table import Devices, SigmaTable, depth_slopes, make_table

@@ -9,7 +9,7 @@ its sigma is too large, where it misfits more than others do, or where the other
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 
 import cv2
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry import project
+from core.lazy import dataclass
 from core.model import Array, Floats, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress

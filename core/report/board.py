@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from html import escape
 from io import BytesIO
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import Array, Testfield
 from core.resources import resource
 

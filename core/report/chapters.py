@@ -15,9 +15,10 @@ A chapter that lists the captures; it comes last, and is left out of reports tha
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
+from core.lazy import dataclass
 from core.parallel import on_processes
 from core.progress import SILENT, Progress
 from core.report.data import ReportData

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from core.lazy import dataclass
 from core.model import DeviceSpec
 from core.progress import SILENT, Progress
 from core.report.chapters import CHAPTERS, drawings

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import Method
 from core.resources import resource
 

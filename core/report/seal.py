@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.report.data import SignOff
 
 LARGEST = 1 << 30  # bytes

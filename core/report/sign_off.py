@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
+from core.lazy import dataclass
 from core.model import PlaneEvaluation
 from core.report.data import SignOff, Tolerance, plane_name, side_by_side
 from core.report.table import Cell, Table

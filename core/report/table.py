@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass
 from math import floor, isfinite, log10
+
+from core.lazy import dataclass
 
 MISSING = "–"
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from core.lazy import dataclass
 from core.model import Method, PlaneEvaluation, Verdict
 from core.report.data import (
     ReportData,

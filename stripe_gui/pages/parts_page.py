@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QStackedWidget, QToolButton, QWidget
 
+from core.lazy import dataclass
 from stripe_gui.pages.page import Page
 from stripe_gui.widgets.layout import row
 from stripe_gui.workbench import Workbench

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
+from core.lazy import dataclass
 from core.model import Adjustment, Array, Capture, PlaneEvaluation, StationId, TargetId, Verdict
 from core.pipeline import METHODS
 from core.pipeline.folders import known_truth

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication
 
+from core.lazy import dataclass
 from core.model import Capture, Rig
 from core.patterns import Pattern, describe
 from core.pipeline.picking import lit_frame_of

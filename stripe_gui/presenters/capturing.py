@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from core.capture import CaptureReport, capture_status, retake_frame, rigcheck
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
 from core.fields import read_document
+from core.lazy import dataclass
 from core.model import Finding, Project, Role, Subject
 from core.patterns import Pattern
 from core.pipeline import capture_into, preflight_rig

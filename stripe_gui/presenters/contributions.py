@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.measure import measured_view, predicted_view
 from core.model import Capture, DeviceSpec, TargetSet
 from core.pipeline import METHODS

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import Capture, DriftPoint, Project
 from core.pipeline import motion_words, orient_capture
 from core.pipeline.orient_words import ACTION, WARNING

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.evaluate import Profile, points_on_plane, read_profile, share_within
+from core.lazy import dataclass
 from core.model import DeviceSpec, PlaneEvaluation, Verdict
 from core.progress import SILENT, Progress
 from core.report import CHAPTERS, ReportData, Table

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from core.errors import StripeError
+from core.lazy import dataclass
 from core.model import Capture, Project, Seed
 from core.pipeline.runs import calibration_file
 from core.project import load_archive, read_capture, read_project

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
 
 from core.capture.importing import ImportReport, frames_in, sequence_beside
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import DeviceSpec, Project
 from core.patterns import Pattern
 from core.project import read_image

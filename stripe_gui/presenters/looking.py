@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from core.capture.plan import guards_for, own_sequence
 from core.devices import Adjustable, Camera, Projector, Setting, open_camera, open_projector, wait_until
 from core.errors import Cancelled
+from core.lazy import dataclass
 from core.patterns import Black, Pattern, White, axis_of
 from core.progress import SILENT, Progress
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from core.lazy import dataclass
 
 LIGHT = (-0.5, 0.5, 0.7)  # from the upper left, in front of the surface, in the camera's frame
 UNLIT = 0.75  # brightness where the slope is not known

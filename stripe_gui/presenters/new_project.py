@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import DeviceSpec, ScaleBar, Testfield
 from core.patterns import SequenceSpec, read_sequence
 from core.project import create_project, nominal_testfield, read_testfield, refuse_used_folder

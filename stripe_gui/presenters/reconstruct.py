@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, sqrt
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QColor
 
 from core.evaluate import heights
+from core.lazy import dataclass
 from core.model import Capture, Floats, Method, PointCloud
 from core.pipeline import points_file
 from core.pipeline.inputs import reconstructed_from

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core import pipeline
 from core.errors import InputError
+from core.lazy import dataclass
 from core.model import PlaneEvaluation, Project
 from core.pipeline import load_sign_off
 from core.progress import SILENT, Progress

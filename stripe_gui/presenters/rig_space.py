@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import asin, cos, sin
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.geometry import Pose, ray_directions
+from core.lazy import dataclass
 from core.model import Adjustment, Array, DeviceSpec, Interior, PhotogrammetricCalibration
 from core.report import Number, Table
 from core.report.table import Cell

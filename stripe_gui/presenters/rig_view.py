@@ -5,11 +5,11 @@ Both stand at the same distance from the middle of the object plane and look at 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import asin, atan, degrees, radians, sin, tan
 
 from PySide6.QtCore import QCoreApplication
 
+from core.lazy import dataclass
 from core.model import DeviceSpec
 
 translate = QCoreApplication.translate

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
 from core.fields import Fields
+from core.lazy import dataclass
 from core.patterns import PRESETS, Pattern, SequenceSpec, read_sequence, shows_grey
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.capture import pattern_text

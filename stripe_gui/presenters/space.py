@@ -5,12 +5,13 @@ Axes are right, away and up of the camera that all refers to.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from core.lazy import dataclass
 from core.model import Array
 
 SEEN = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from a camera's X (right), Y (up), Z (towards its back)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QCoreApplication
+
+from core.lazy import dataclass
 
 if TYPE_CHECKING:
     from core.pipeline.failures import StageFailure

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication
+
+from core.lazy import dataclass
 
 translate = QCoreApplication.translate
 

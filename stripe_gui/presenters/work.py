@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from core import pipeline
+from core.lazy import dataclass
 from core.model import Capture, Method, PhaseMap, Project
 from core.pipeline import METHODS, CalibrateOptions
 from core.progress import SILENT, Progress
@@ -16,7 +16,7 @@ class CalibrateChoice:
     """What the operator chose for a calibration."""
 
     method: Method = "all"
-    options: CalibrateOptions = CalibrateOptions()  # noqa: RUF009  frozen
+    options: CalibrateOptions = CalibrateOptions()
 
 
 def chosen_methods(method: Method) -> list[Method]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from core.atomic import write_together
 from core.errors import InputError
 from core.fields import LARGEST as FARTHEST
 from core.fields import regular
+from core.lazy import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

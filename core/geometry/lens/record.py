@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior
 
 Kind = Literal["radial", "affine", "decentring"]

@@ -8,7 +8,6 @@ for boards of tags.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import NotRecognisedError
+from core.lazy import dataclass
 from core.measure.board import Board, board_from_testfield
 from core.measure.corners import fit_corners
 from core.measure.crossings import blocks_of_crossings

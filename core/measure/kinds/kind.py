@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.geometry import Pose
+from core.lazy import dataclass
 from core.measure.board import Board
 from core.measure.picks import Side
 from core.model import Array, DeviceSpec, Interior, PhaseMap, Seed, TargetSet, Testfield

@@ -9,7 +9,6 @@ more and the columns 2 (n % m) and one more, with m tags in a row; `diameter_mm`
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
@@ -17,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.measure.board import Board
 from core.measure.kinds.chessboard import (
     ASIDE,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, Literal
 
 import numpy as np
 
 from core.fields import Fields
+from core.lazy import dataclass
 from core.patterns.kinds.kind import Array, Axis, Kind, Numbers, read_axis
 
 

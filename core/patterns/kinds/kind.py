@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.fields import Fields
+from core.lazy import dataclass
 
 Axis = Literal["x", "y"]
 Array = NDArray[np.float64]

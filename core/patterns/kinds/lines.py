@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from core.fields import Fields
+from core.lazy import dataclass
 from core.patterns.kinds.kind import Array, Axis, Kind, Numbers, read_axis
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from core.fields import Fields
+from core.lazy import dataclass
 from core.patterns.kinds.kind import Array, Axis, Kind, Numbers, read_axis
 
 

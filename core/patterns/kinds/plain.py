@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
+from core.lazy import dataclass
 from core.patterns.kinds.kind import Kind
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from core.errors import AdjustmentError, InputError
 from core.figures import depth_figures
 from core.geometry import lens_of, nominal
+from core.lazy import dataclass
 from core.model import (
     Adjustment,
     Array,

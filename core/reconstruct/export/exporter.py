@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.lazy import dataclass
 from core.model import PointCloud
 
 Image = NDArray[Any]  # (H, W) grey values

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -23,6 +23,7 @@ from matplotlib.ft2font import FT2Font
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from reportlab.pdfgen.canvas import Canvas
 
+from core.lazy import dataclass
 from core.report.figures.strokes import Mark, draw_once
 
 NO_DATA = "#9aa1a9"

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
 from PySide6.QtCore import QCoreApplication
 
+from core.lazy import dataclass
 from core.pipeline import METHODS, current_run
 from stripe_gui.presenters.evaluate import EvaluationView, angle_text
 from stripe_gui.presenters.folder import ProjectFolder

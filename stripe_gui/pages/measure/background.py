@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Signal
 
 from core.errors import StripeError
+from core.lazy import dataclass
 from core.measure import kind_of
 from core.model import Array, Capture, DeviceSpec, PhaseMap, Project, Seed, TargetSet, Testfield
 from core.pipeline.measure import Side

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from core.lazy import dataclass
 from core.model import Array, Capture, Seed, TargetSet, Testfield
 from core.pipeline.measure import Side, side_of
 from core.project import ENOUGH, keep_picks, kept_picks

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
+from core.lazy import dataclass
 from core.measure import kind_of, measured_view, predicted_view
 from core.measure.view import View
 from core.model import Array, DeviceSpec, TargetSet
