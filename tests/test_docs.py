@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import runpy
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -38,10 +39,11 @@ EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 
 
 @pytest.fixture(autouse=True)
-def as_it_was(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """No window opens, and registries are afterwards as they were."""
+def as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """No window opens, no folder is left behind, and registries are afterwards as they were."""
     kept = {name: dict(registry) for name, registry in REGISTRIES.items()}
     monkeypatch.setattr(plt, "show", lambda: None)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     yield
     plt.close("all")
     for name, registry in REGISTRIES.items():
