@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.model import Capture, Concern, Frame, PlaneEvaluation, TargetSet, Testfield
+from core.model import Capture, Concern, DeviceSpec, Frame, PlaneEvaluation, TargetSet, Testfield
 from core.numerics import quantile_of
 from core.patterns import Pattern, alike, level_of
 
@@ -31,7 +31,7 @@ RADIUS = 1.7, 2.4  # times as large: diameter_mm is the radius
 
 def repeated_frames(
     captures: Sequence[Capture],
-    lines: tuple[int, int],
+    projectors: Mapping[str, DeviceSpec],
     contents: Mapping[str, str | None],
     blank: Callable[[Frame], bool],
 ) -> list[Concern]:
@@ -39,8 +39,8 @@ def repeated_frames(
 
     Parameters
     ----------
-    lines : (int, int)
-        Columns and rows of the projector; patterns that are alike on all of them may share an image.
+    projectors : mapping
+        By name; a camera may have the same image of patterns that are alike on all lines of its projector.
     contents : mapping
         Hash of every frame's file, by its place.
     blank : callable
@@ -56,11 +56,18 @@ def repeated_frames(
         for (a, f), (b, g) in combinations(same, 2):
             if _dark(f.pattern) or _dark(g.pattern):
                 continue  # one black frame may serve many captures
-            if (a is b and alike(f.pattern, g.pattern, lines)) or blank(f):
+            if (a is b and _look_alike(f, g, projectors)) or blank(f):
                 continue
             shared.setdefault((a.name, b.name), []).append((f, g))
     frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}
     return [_told(a, b, pairs, frames[a]) for (a, b), pairs in shared.items()]
+
+
+def _look_alike(a: Frame, b: Frame, projectors: Mapping[str, DeviceSpec]) -> bool:
+    if (a.camera, a.projector) != (b.camera, b.projector) or a.projector not in projectors:
+        return False
+    projector = projectors[a.projector]
+    return alike(a.pattern, b.pattern, (projector.width, projector.height))
 
 
 def repeated_targets(sets: Sequence[TargetSet]) -> list[Concern]:

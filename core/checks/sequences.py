@@ -47,17 +47,19 @@ def light_end(lines: Floats) -> End:
     return max(found)[1:] if found else None
 
 
-def end_notes(ends: Mapping[str, Sequence[End]], projector: DeviceSpec) -> dict[str, str]:
+def end_notes(ends: Mapping[str, Sequence[End]], projector: DeviceSpec, name: str = "projector") -> dict[str, str]:
     """Say of captures whose light ends early, at one line in different scenes, that project.json has more lines.
 
     Parameters
     ----------
     ends : mapping
-        By capture, `light_end` of u and of v.
+        By capture, `light_end` of u and of v, as one camera saw them.
+    name : str
+        The projector's in project.json.
     """
     notes: dict[str, str] = {}
     for axis, word, lines in ((0, "width", projector.width), (1, "height", projector.height)):
-        known = [(name, end) for name, both in ends.items() if (end := both[axis]) is not None]
+        known = [(capture, end) for capture, both in ends.items() if (end := both[axis]) is not None]
         for (a, (line, at)), (b, (other, place)) in combinations(known, 2):
             if (
                 abs(line - other) < 2
@@ -66,7 +68,7 @@ def end_notes(ends: Mapping[str, Sequence[End]], projector: DeviceSpec) -> dict[
             ):
                 text = (
                     f"the projector's light ends at line {line} along {'xy'[axis]}, {word} is {lines}: correct {word} "
-                    "of the projector in project.json, unless something cuts its light off"
+                    f"of {name} in project.json, unless something cuts its light off"
                 )
                 notes |= {a: text, b: text}
     return notes

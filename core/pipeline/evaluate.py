@@ -107,19 +107,17 @@ def _judge(
 
     of_whole = {capture.name: capture for capture in planes}
 
-    def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, Any, list[Row]]:
-        usual = (phase.camera, phase.projector) == project.rig.usual
-        end = (light_end(phase.u), light_end(phase.v)) if usual else None
+    def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, tuple[str, str], Any, list[Row]]:
         rows = _of_pair(project, capture, phase, calibrations, progress)
-        return phase if len(of_whole[capture.name].pairs) > 1 else None, end, rows
+        kept = phase if len(of_whole[capture.name].pairs) > 1 else None
+        return kept, (phase.camera, phase.projector), (light_end(phase.u), light_end(phase.v)), rows
 
     found: list[Row] = []
-    ends: dict[str, Any] = {}
+    ends: dict[tuple[str, str], dict[str, Any]] = {}
     seen: dict[str, list[PhaseMap]] = {}
-    for capture, (phase, end, rows) in from_phase_maps(project, planes, by_pair, progress):
+    for capture, (phase, pair, end, rows) in from_phase_maps(project, planes, by_pair, progress):
         found += rows
-        if end is not None:
-            ends[capture.name] = end
+        ends.setdefault(pair, {})[capture.name] = end
         if phase is not None:
             seen.setdefault(capture.name, []).append(phase)
         if len(together := seen.get(capture.name, ())) == len(of_whole[capture.name].pairs):
@@ -139,7 +137,10 @@ def _judge(
     progress.check()
     by_name = {capture.name: capture for capture in planes}
     repeated = repeated_planes([row for row, *_ in found], lambda a, b: _same_stripes(by_name[a], by_name[b]))
-    return _told(found, calibrations, end_notes(ends, project.projector), repeated)
+    notes: dict[str, str] = {}
+    for (_, projector), of_pair in ends.items():
+        notes = end_notes(of_pair, project.rig.projectors[projector], projector) | notes
+    return _told(found, calibrations, notes, repeated)
 
 
 def _same_stripes(a: Capture, b: Capture) -> Iterator[tuple[Image, Image]]:

@@ -32,20 +32,18 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     """Judge the calibrations of one run, each by itself and against the other, and list what was left out."""
     from core.checks import code_concerns, grey_concerns, repeated_frames, repeated_targets, response_concerns
 
-    projector = evidence.project.projector
+    projectors = evidence.project.rig.projectors
     taking_part = {c.name for chosen in evidence.used.values() for c in chosen}
     looked_at = [c for c in evidence.captures if c.name in taking_part or c.role in ("plane", "object")]
     contents = contents_of(evidence.project.path).learn(frame.place for c in looked_at for frame in c.frames)
-    twice = repeated_frames(
-        looked_at, (projector.width, projector.height), contents, lambda frame: not np.ptp(read_image(frame.path))
-    )
+    twice = repeated_frames(looked_at, projectors, contents, lambda frame: not np.ptp(read_image(frame.path)))
     sets = [t for t in evidence.sets if t.capture in taking_part]
     twice = twice or repeated_targets(sets)
     of_captures, greys = (
-        [*twice, *code_concerns(evidence.captures, evidence.project.rig.projectors)],
+        [*twice, *code_concerns(evidence.captures, projectors)],
         grey_concerns(sets),
     )
-    of_captures += response_concerns(sets, evidence.project.rig.projectors)
+    of_captures += response_concerns(sets, projectors)
     result: dict[Method, Any] = dict(evidence.calibrations)
     for name, calibration in result.items():
         found = METHODS[name].judge(evidence, name, calibration)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from core.capture.pixels import gaps_among
 from core.checks import grey_concerns, repeated_frames, repeated_planes
-from core.model import Capture, Frame, PlaneEvaluation, TargetSet
+from core.model import Capture, DeviceSpec, Frame, PlaneEvaluation, TargetSet
 from core.patterns import Code
 
 Images = list[np.ndarray]
@@ -78,9 +79,19 @@ def test_frames_of_one_grey_value_may_stand_in_many_captures() -> None:
         for name in ("a", "b")
     ]
     contents = {"a/0.png": "dark", "b/0.png": "dark", "a/1.png": "1", "b/1.png": "2"}
-    assert repeated_frames(captures, (4, 4), contents, lambda frame: frame.place.endswith("0.png")) == []
-    (concern,) = repeated_frames(captures, (4, 4), contents, lambda frame: False)
+    rig = {"projector": DeviceSpec(4, 4, (0.1, 0.1), 100.0)}
+    assert repeated_frames(captures, rig, contents, lambda frame: frame.place.endswith("0.png")) == []
+    (concern,) = repeated_frames(captures, rig, contents, lambda frame: False)
     assert concern.text.startswith("b: 0.png also stands in a")
+
+
+@pytest.mark.parametrize(("device", "told"), [({}, 0), ({"camera": "right"}, 1), ({"projector": "second"}, 1)])
+def test_images_of_two_devices_are_never_one_file(device: dict[str, str], told: int) -> None:
+    """A camera may have one image of two patterns that are alike on its projector's lines; two cameras may not."""
+    rig = {name: DeviceSpec(4, 4, (0.1, 0.1), 100.0) for name in ("projector", "second")}
+    gray, binary = (Frame("0.png", Code(kind, "x", 0, 2, 1, False)) for kind in ("gray", "binary"))
+    capture = Capture(Path("a"), "testfield", (gray, replace(binary, **device)))
+    assert len(repeated_frames([capture], rig, {"0.png": "1"}, lambda frame: False)) == told
 
 
 COPIES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
