@@ -6,7 +6,7 @@ Photogrammetric, by bundle adjustment:
 * `problem` numbers the unknowns, `state` holds and moves them; `resection`, `stations`, `columns` and `initial` find
   approximate values for them;
 * `equations` holds the observation equations with their derivatives, `normals` the normal equations, which
-  `elimination` solves `by_poses` or, where there are very many points, `by_points`;
+  `elimination` solves without the poses or, where there are very many points, without these;
 * `datum` holds the inner constraints, `iterate` the way to the solution;
 * `shared` adds to the covariances what the targets of an image have in common;
 * `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `rigid` whether

@@ -11,7 +11,6 @@ import numpy as np
 
 from core.calibrate.columns import without_unobservable
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
-from core.calibrate.elimination import invert
 from core.calibrate.equations import Equations, cost_of, linearise, misclosures
 from core.calibrate.from_images import dimensions, located_by_images
 from core.calibrate.groups import without, wrong_group
@@ -339,7 +338,7 @@ def _solve(network: Network, problem: Problem, state: State, options: AdjustOpti
                 progress=progress,
             )
             state = solution.state
-            inverse = invert(weighted, solution.reduced)
+            inverse = solution.reduced.invert(weighted)
         except SingularNormalsError as error:
             raise singular_error(network, weighted, state, error) from None
         except NotConvergedError as error:

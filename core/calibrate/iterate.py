@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.calibrate.datum import aligned
-from core.calibrate.elimination import Reduced, reduce, solve
+from core.calibrate.elimination import Reduced, reduce
 from core.calibrate.equations import cost_of
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem
@@ -76,7 +76,7 @@ def iterate(
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
         reduced, damping = regular(problem, state, damping)
-        step = solve(problem, reduced)
+        step = reduced.solve(problem)
         _tell(progress, iteration, problem, cost, step)
         ratio = min(step.gain / before, 1.0) if before > 0 else 1.0
         remaining = max(ratio, LEAST_CONTRACTION**2) * step.gain

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from core.calibrate.datum import aligned
-from core.calibrate.elimination import solve
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.iterate import MOST_DAMPING, next_damping, regular, shortened
 from core.calibrate.problem import Problem, reweighted
@@ -37,7 +36,7 @@ def robust_state(problem: Problem, state: State) -> State:
         soft = reweighted(problem, (1.0 + (misfit / HALF_WEIGHT) ** 2)[:, None] ** -0.5)
         cost = cost_of(soft, state)
         reduced, damping = regular(soft, state, damping)
-        step = solve(soft, reduced)
+        step = reduced.solve(soft)
         share, trial, _ = shortened(soft, state, cost, step)
         if share > 0:
             state = aligned(problem, trial)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.elimination import reduce, solve
+from core.calibrate.elimination import reduce
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.normals import SingularNormalsError, assemble
 from core.calibrate.problem import COMPILED, RELATIVE, Problem, most_parameters, problem_of, reweighted
@@ -207,7 +207,7 @@ def _improved_together(problem: Problem, state: State, nominal: Array, iteration
             normals.diagonal[places[free]] += weight
             for right in (normals.right, normals.b):
                 right[places[free]] += weight * (nominal - state.interior)[free]
-            step = solve(soft, reduce(soft, state, damping, normals))
+            step = reduce(soft, state, damping, normals).solve(soft)
         except SingularNormalsError:
             damping *= 100
             continue

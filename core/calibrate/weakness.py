@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.covariance import point_cofactors
-from core.calibrate.elimination import invert, reduce, solve
+from core.calibrate.elimination import reduce
 from core.calibrate.equations import Equations, largest_displacements, linearise, misclosures
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
@@ -202,7 +202,7 @@ class BehindError(AdjustmentError):
 def points_behind(problem: Problem, state: State) -> Ints:
     """Few points, numbered as in the problem, that a step without damping would carry behind a device."""
     try:
-        trial = moved(problem, state, solve(problem, reduce(problem, state)))
+        trial = moved(problem, state, reduce(problem, state).solve(problem))
     except SingularNormalsError:
         return np.empty(0, np.int64)
     behind = np.unique(problem.point[np.isinf(misclosures(problem, trial)).any(axis=1)])
@@ -214,7 +214,7 @@ def unsolved_error(network: Network, problem: Problem, error: NotConvergedError)
     if len(behind := points_behind(problem, error.state)):
         return BehindError(network, behind, error.state)
     try:
-        inverse = invert(problem, reduce(problem, error.state))
+        inverse = reduce(problem, error.state).invert(problem)
         _poor_parameters(problem, linearise(problem, error.state), inverse, 1.0)
     except SingularNormalsError as singular:
         return singular_error(network, problem, error.state, singular)

@@ -9,7 +9,6 @@ import pytest
 
 from core.calibrate import adjust
 from core.calibrate.covariance import point_cofactors, pose_cofactors, redundancy_numbers
-from core.calibrate.elimination import invert
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import iterate
@@ -164,7 +163,7 @@ def test_eliminating_the_points_gives_what_eliminating_the_poses_gives(simulate,
     for by_points in (False, True):
         problem = problem_of(network, by_points=by_points)
         solution = iterate(problem, initial_state(network, problem))
-        inverse = invert(problem, solution.reduced)
+        inverse = solution.reduced.invert(problem)
         numbers = redundancy_numbers(problem, linearise(problem, solution.reduced.state), inverse)[
             np.argsort(problem.order)
         ]
