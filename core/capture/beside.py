@@ -8,7 +8,7 @@ a code the phases of two periods are compared, over lengths in which a response 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import pi
 
 import numpy as np
@@ -28,6 +28,10 @@ SCATTER = 0.25  # of a cell or period, beyond which pixels of one edge or cycle 
 CYCLES = 2  # of a period that the field must have
 BESIDE, AWAY = 0.25, 0.2  # lines: all over, and over the field; 38 sound captures of 19 rigs have below 0.05
 SIGMAS = 7.0  # of what edges or cycles scatter about a steady change
+STRONG, BRIGHT = 0.5, 0.9  # of the strength of fringes that a quantile of the pixels does not reach
+PIXELS = 500  # on which periods are tried
+UNLIKE, LEFT = 0.5, 0.5  # times what chance leaves, from which phases belong to no line; of that, if corrected
+MOST_SLOPE = 0.05  # by which a period may be off
 FROM_0 = 0.3  # of the change, that it may be off where line 0 would be: other periods agree there
 
 
@@ -41,24 +45,30 @@ class Off:
 
 
 def beside_code(
-    patterns: Sequence[Pattern], images: Sequence[NDArray], maps: Sequence[tuple[Axis, NDArray, str]]
+    patterns: Sequence[Pattern],
+    images: Sequence[NDArray],
+    maps: Sequence[tuple[Axis, NDArray, str]],
+    lines: tuple[int, int],
 ) -> list[Finding]:
-    """Compare phases with the code, or with each other; `maps` are decoded coordinates (H, W) and what they count."""
+    """Compare phases with the code, or with each other; `maps` are decoded coordinates (H, W) and what they count.
+
+    `lines` are the projector's columns and rows.
+    """
     found = []
-    for axis, lines, along in maps:
+    for axis, places, along in maps:
         steps: dict[float, list[int]] = {}
         for k, p in enumerate(patterns):
             if isinstance(p, Phase) and p.axis == axis:
                 steps.setdefault(p.period, []).append(k)
         steps = {period: steps[period] for period in sorted(steps) if len(steps[period]) >= 3}
         codes = [(p.bit, k) for k, p in enumerate(patterns) if isinstance(p, Code) and p.axis == axis and not p.inverse]
-        if not steps or not np.isfinite(lines).any():
+        if not steps or (codes and not np.isfinite(places).any()):
             continue
         if codes:
             finest = [k for _, k in sorted(codes)[-CODES:]]
-            text = _of_code(patterns, images, lines, finest, steps[min(steps)])
+            text = _of_code(patterns, images, places, finest, steps[min(steps)])
         else:
-            text = _of_periods(patterns, images, lines, steps)
+            text = _of_periods(patterns, images, places, steps, lines[axis == "y"])
         if text:
             found.append(Finding("identity", "bad", f"frames across {along}: {text}", names="mistake"))
     return found
@@ -130,23 +140,36 @@ def _edges(
 
 
 def _of_periods(
-    patterns: Sequence[Pattern], images: Sequence[NDArray], lines: NDArray, steps: dict[float, list[int]]
+    patterns: Sequence[Pattern],
+    images: Sequence[NDArray],
+    lines: NDArray,
+    steps: Mapping[float, Sequence[int]],
+    count: int,
 ) -> str:
     """Compare the finest period with the next one of which the field has some cycles."""
+    finest, *longer = steps
+    if not longer or count < CYCLES * longer[0]:
+        return ""
+    other = longer[0]
     thin = tuple(slice(None, None, -(-n // (4 * SECTIONS))) for n in lines.shape)
+    (turn, strong), (beside, _) = (
+        _turns(patterns, [images[k][thin] for k in steps[p]], steps[p]) for p in steps if p <= other
+    )
+
+    def told(how: str, slope: float) -> str:
+        return (
+            f"the phases of periods {finest:g} and {other:g} {how}: they fit with a period of "
+            f"{finest / (1 + slope):.5g} lines, not {finest:g}, or of {other * (1 + slope):.5g}, not {other:g}"
+        )
+
+    if (slope := _unlike(finest, turn[strong], other, beside[strong], count)) is not None:
+        return told("agree on no line", slope)
     u = np.asarray(lines[thin], np.float64)
     valid = np.isfinite(u)
-    u = u[valid]
-    finest, *longer = (p for p in steps if np.ptp(u) > CYCLES * p)
-    if not longer:
+    if not valid.any():
         return ""
-    other, places = longer[0], []
-    for period in (finest, other):
-        shifts = np.array([p.shift_rad for k in steps[period] if isinstance(p := patterns[k], Phase)])
-        A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
-        _, c, s = np.linalg.pinv(A) @ np.array([images[k][thin][valid] for k in steps[period]], np.float64)
-        turn = np.arctan2(s, c) / (2 * pi)
-        places.append(period * (turn + np.round((u + 0.5) / period - turn)))
+    u = u[valid]
+    places = [p * (t + np.round((u + 0.5) / p - t)) for p, t in ((finest, turn[valid]), (other, beside[valid]))]
     length = max(finest, other / len(steps[other]))  # of which the errors by a response are a whole part
     part = np.floor((u + 0.5) / length).astype(np.int64)
     own = (part > part.min()) & (part < part.max())  # whole ones
@@ -154,11 +177,41 @@ def _of_periods(
     found = _steady(np.asarray((place + 0.5) * length - 0.5, np.float64), middle, np.ones(len(place), bool))
     if found is None or not found.away:
         return ""
-    return (
-        f"the phases of periods {finest:g} and {other:g} run apart, by {abs(found.away):.2f} lines over the field: "
-        f"they fit with a period of {finest / (1 + found.slope):.5g} lines, not {finest:g}, or of "
-        f"{other * (1 + found.slope):.5g}, not {other:g}"
-    )
+    return told(f"run apart, by {abs(found.away):.2f} lines over the field", found.slope)
+
+
+def _turns(
+    patterns: Sequence[Pattern], images: Sequence[NDArray], steps: Sequence[int]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Phases (H, W) of a period, in turns, and where its fringes are strong."""
+    shifts = np.array([p.shift_rad for k in steps if isinstance(p := patterns[k], Phase)])
+    A = np.stack([np.ones_like(shifts), np.cos(shifts), np.sin(shifts)], axis=1)
+    _, c, s = np.tensordot(np.linalg.pinv(A), np.array(images, np.float64), 1)
+    strength = np.hypot(c, s)
+    return np.arctan2(s, c) / (2 * pi), strength > STRONG * np.quantile(strength, BRIGHT)
+
+
+def _unlike(finest: float, turn: Array, other: float, beside: Array, count: int) -> float | None:
+    """Relative error of a period where, with it, phases (n,) of both belong to no line, and corrected they do."""
+    some = slice(None, None, max(1, len(turn) // PIXELS))
+    turn, beside = turn[some], beside[some]
+    orders = np.arange(-1, int(count / finest) + 1)
+
+    def apart(slope: float) -> float:
+        """How far the nearest lines of both phases are from each other, over what chance would leave."""
+        lines = finest / (1 + slope) * (turn[:, None] + orders)
+        medians = []
+        for phase in (beside, np.roll(beside, len(beside) // 2)):
+            away = lines / other - phase[:, None]
+            medians.append(np.median(np.abs(away - np.rint(away)).min(axis=1)))
+        return float(medians[0] / max(medians[1], 1e-9))
+
+    if len(turn) < PIXELS or (described := apart(0.0)) < UNLIKE:
+        return None
+    slopes = np.arange(-MOST_SLOPE, MOST_SLOPE, SCATTER / 2 / count)
+    left = [apart(slope) for slope in slopes]
+    best = int(np.argmin(left))
+    return float(slopes[best]) if left[best] < LEFT * described else None
 
 
 def _medians(key: NDArray[np.int64], values: Array, most: float) -> tuple[NDArray[np.int64], Array]:

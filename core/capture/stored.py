@@ -91,7 +91,7 @@ def check_stored(
             found += [*_hand(phase), *(jumping or (_planes(capture, phase) if capture.role != "object" else []))]
         if not jumping and not bad:
             own = [k for k, f in enumerate(capture.frames) if f.exposure_ms == (exposures[0] if exposures else None)]
-            found += beside_code([patterns[k] for k in own], [images[k] for k in own], maps)
+            found += beside_code([patterns[k] for k in own], [images[k] for k in own], maps, lines)
     return [*found, *compressed(capture, images), *mosaic(capture, images)]
 
 

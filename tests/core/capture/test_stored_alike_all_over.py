@@ -77,6 +77,18 @@ def test_a_finest_period_that_is_off_is_told_by_code_or_other_periods(
     assert np.allclose(fits, period, rtol=6e-4), fits  # of 0.1 line, where codes are told, over the field
 
 
+@pytest.mark.parametrize(("periods", "wrong", "factor"), [((13.0, 14.0), 0, 1.01), ((16.0, 160 / 9), 1, 1.01)])
+def test_a_period_that_leaves_few_pixels_a_line_is_told(periods: tuple, wrong: int, factor: float) -> None:
+    """At the last of 160 lines the phases tell places 1.6 lines apart: hardly a pixel is decoded."""
+    patterns = without_code(*periods)
+    images = render(patterns, 4)
+    assert not told(patterns, images)
+    found = told([replace(p, period=p.period * factor) if p.period == periods[wrong] else p for p in patterns], images)
+    fits = re.findall(r"with a period of ([0-9.]+) lines, not [0-9.]+, or of ([0-9.]+), not", found)
+    assert len(fits) == 2, found  # columns and rows
+    assert np.allclose([float(each[wrong]) for each in fits], periods[wrong], rtol=6e-4), found
+
+
 def reordered(patterns: list[Pattern], images: Frames) -> Frames:
     """Images of phase steps behind all others."""
     order = sorted(range(len(patterns)), key=lambda k: isinstance(patterns[k], Phase))
