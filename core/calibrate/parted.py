@@ -16,20 +16,9 @@ LEAST = 3  # captures of a part: fewer are told one by one
 def parted(network: Network, fits: Callable[[Network], bool]) -> str:
     """Say into which parts, in their order, the captures of a network fall that do not fit as a whole.
 
-    Parameters
-    ----------
-    network : Network
-        Its poses are numbered in the order of the captures.
-    fits : callable
-        Whether the images of a network explain each other.
+    Its poses are numbered in the order of the captures; `fits` says whether the images of a network explain each other.
+    The text is empty where there are no such parts.
 
-    Returns
-    -------
-    told : str
-        Empty where there are no such parts.
-
-    Notes
-    -----
     A rig that was moved once fits before and after, and each part bears the same unknowns as the whole. Parts are the
     longest that fit, the first one first, each found by halving.
     """

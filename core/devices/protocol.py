@@ -206,23 +206,13 @@ def refuse_grey(pattern: Pattern) -> str | None:
 
 
 def check_pattern(projector: Projector, pattern: Pattern) -> None:
-    """See that a projector can show a pattern.
-
-    Raises
-    ------
-    PatternRefusedError
-    """
+    """See that a projector can show a pattern, else it is a PatternRefusedError."""
     if reason := projector.refusal(pattern):
         raise PatternRefusedError(projector.name, f"pattern {pattern.kind}", reason)
 
 
 def check_sequence(projector: Projector, patterns: Sequence[Pattern], check: Check = no_check) -> tuple[Pattern, ...]:
-    """Give a sequence as a projector keeps it, having seen that it fits and that all of it can be shown.
-
-    Raises
-    ------
-    PatternRefusedError, DeviceError
-    """
+    """Give a sequence as a projector keeps it, having seen that it fits and that all of it can be shown."""
     if not 0 < len(patterns) <= projector.capacity:
         raise DeviceError(
             projector.name,

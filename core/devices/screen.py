@@ -133,12 +133,7 @@ def _window_program() -> list[str]:
 
 
 def screen_image(pattern: Pattern, width: int, height: int, gamma: float = 1.0) -> NDArray[np.uint8]:
-    """Make the image, shape (height, width), that shows a pattern on a screen.
-
-    Parameters
-    ----------
-    gamma : float
-        The screen's light is its input to this power; 1 for a screen that has been made linear.
+    """Make the image, shape (height, width), that shows a pattern on a screen, whose light is its input to `gamma`.
 
     Examples
     --------

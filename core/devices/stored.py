@@ -52,12 +52,8 @@ class ReplayScene:
 class FolderCamera:
     """Any camera whose program writes its images into a folder: each new file is one image.
 
-    Parameters
-    ----------
-    bits : int
-        How many bits of a grey value the camera uses; 0: all that the file has.
-    latency_s : float
-        From the exposure until its file appears: files that appear sooner after a call were exposed before it.
+    Of a grey value it uses so many `bits`; 0: all that the file has. `latency_s` pass from the exposure until its file
+    appears: files that appear sooner after a call were exposed before it.
     """
 
     def __init__(self, folder: Path, bits: int = 0, latency_s: float = 0.0) -> None:

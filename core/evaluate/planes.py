@@ -35,20 +35,9 @@ class Plane:
 def fit_plane(points: ArrayLike, *, where: str = "plane") -> Plane:
     """Fit a plane to points by least squares of the orthogonal distances.
 
-    Parameters
-    ----------
-    points : array-like, shape (n, 3)
-        In mm, in the camera's frame, all finite.
-    where : str
-        What the points belong to, for the message.
+    The points, (n, 3), are in mm, in the camera's frame, all finite. StripeError, which says `where` they belong, if
+    there are fewer than 4, or they lie on a line.
 
-    Raises
-    ------
-    StripeError
-        If there are fewer than 4 points, or they lie on a line.
-
-    Notes
-    -----
     The normal is the eigenvector of the least eigenvalue of the points' scatter matrix, taken about their mean in
     double precision.
 

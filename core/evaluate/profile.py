@@ -73,11 +73,9 @@ def line_across(deviations: Sequence[NDArray], start: Pair = (0.05, 0.5), stop: 
 def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
     """Interpolate an image (H, W) bilinearly between the four pixels around every point, (n, 2) px.
 
-    Returns
-    -------
-    mean, spread : array, shape (n,)
-        Σ w g and √Σ w² g² with the weights w of the four pixels' values g: the mean, and where the values are sigmas of
-        independent pixels, the sigma of their mean. NaN outside the image, and where a pixel of weight above zero is.
+    Gives Σ w g and √Σ w² g², (n,) each, with the weights w of the four pixels' values g: the mean, and where the values
+    are sigmas of independent pixels, the sigma of their mean. NaN outside the image, and where a pixel of weight above
+    zero is.
 
     Examples
     --------

@@ -54,20 +54,10 @@ def eccentricity(
 ) -> Array:
     """Centre of a circle's image minus the image of the circle's centre, shape (n, 2), px.
 
-    Parameters
-    ----------
-    view : View
-        The camera and its pose relative to the board.
-    xyz_mm : array, shape (n, 3)
-        Centres of the circles.
-    radius_mm : array, shape (n,)
-    interior : Interior
-        The camera's, of any model, where it is known better than the view has it.
-    along : array, shape (n, 3, 2)
-        Orthogonal unit vectors in the circles' planes, as `tangents` gives them; else they are parallel to XY.
+    The circles have the centres (n, 3) and radii (n,); `along`, (n, 3, 2), are orthogonal unit vectors in their planes,
+    as `tangents` gives them, else they are parallel to XY. `interior` is the camera's, of any model, where it is known
+    better than the view has it.
 
-    Notes
-    -----
     With the homography H from the circle's plane (origin in its centre) to the image, the dual conic of the image is
     ``K = H diag(r², r², -1) H'``; its last column is the ellipse's centre m, the pole of the line at infinity, and H's
     last column the image of the circle's centre. Exact; for a camera that looks at the circle's centre this is the

@@ -25,7 +25,7 @@ from core.measure.single import predicted_view
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Floats, Ints, Seed, Testfield
 from core.numerics import quantile_of
-from core.numerics.neighbours import kd_tree
+from core.numerics.places import kd_tree
 
 WIDTH = 1000  # px that an image is reduced to: enough to see dots
 LEAST, MOST = 4.0, 60.0  # diameter of dots looked for, px of the reduced image

@@ -16,21 +16,11 @@ FAINTEST = 0.1  # share of the image's contrast below which nothing counts as a 
 
 
 def dot_at(image: NDArray, u: float, v: float, *, dark: bool, reach_px: float) -> tuple[float, float] | None:
-    """Find the centre of the dot at or next to a position; None where there is none.
+    """Find the centre of the dot at or next to a position (px); None where there is none.
 
-    Parameters
-    ----------
-    u, v : float
-        Where the operator points, px.
-    dark : bool
-        Dots are darker than the board.
-    reach_px : float
-        How far from there the dot's edge may be.
-
-    Notes
-    -----
-    A dot is what lies above the middle between the darkest and the brightest value near the position, connected, and
-    enclosed by darker pixels; where the window cuts it, it is looked at again in a larger one.
+    Its edge may be as far as `reach_px` from there; `dark` says that dots are darker than the board. A dot is what lies
+    above the middle between the darkest and the brightest value near the position, connected, and enclosed by darker
+    pixels; where the window cuts it, it is looked at again in a larger one.
 
     Examples
     --------

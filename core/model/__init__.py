@@ -8,6 +8,7 @@ of `core.geometry`. Nothing here computes more than a property.
 """
 
 from core.model.arrays import Array, Figures, Floats, Ints
+from core.model.beside import DriftPoint, Feature, KnownLength, KnownPoints, Overlap, Registration, RigMotion
 from core.model.calibration import (
     AdjustedDevice,
     Adjustment,
@@ -19,17 +20,23 @@ from core.model.calibration import (
     PhotogrammetricCalibration,
 )
 from core.model.capture import Capture, Frame, Role, Subject
-from core.model.features import Feature
-from core.model.finding import Finding
+from core.model.finding import (
+    Concern,
+    Finding,
+    LeftOut,
+    Names,
+    Note,
+    Verdict,
+    bluntness,
+    named_by,
+    points_at_a_cause,
+    verdict_of,
+)
 from core.model.network import Network, NetworkDevice, NetworkScale, StationId, TargetId
-from core.model.note import Names, Note, bluntness, named_by, points_at_a_cause
-from core.model.orientation import DriftPoint, KnownLength, KnownPoints, RigMotion
 from core.model.phase import PhaseMap
 from core.model.points import PlaneEvaluation, PointCloud
-from core.model.registration import Overlap, Registration
 from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, Seed, TargetSet, Testfield
-from core.model.verdict import Concern, LeftOut, Verdict, verdict_of
 
 __all__ = [
     "AdjustedDevice",

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 from core.lazy import dataclass
 from core.model.arrays import Array, Floats
+from core.model.finding import Concern, LeftOut, Verdict
 from core.model.network import Network
 from core.model.rig import DeviceSpec, Interior
-from core.model.verdict import Concern, LeftOut, Verdict
 
 if TYPE_CHECKING:
     from core.geometry.rotation import Pose

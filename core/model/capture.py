@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from core.lazy import dataclass
-from core.model.note import Note
+from core.model.finding import Note
 from core.model.targets import Seed, Testfield
 
 if TYPE_CHECKING:

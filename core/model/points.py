@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from core.lazy import dataclass
 from core.model.arrays import Array, Floats
 from core.model.calibration import Method
+from core.model.finding import Verdict
 from core.model.rig import Interior
-from core.model.verdict import Verdict
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from core.lazy import dataclass
 from core.model.arrays import Array
-from core.model.note import Note
+from core.model.finding import Note
 
 if TYPE_CHECKING:
     from core.patterns import SequenceSpec

@@ -1,21 +1,16 @@
 """Numbers without a subject: what several rooms need, told once, and light to import.
 
 distributions.py   limits of the distributions that tests of hypotheses ask for; the error function
-neighbours.py      the nearest of a few hundred places
-marquardt.py       nonlinear least squares of few unknowns
-cholesky.py        a symmetric system: factor, solution, inverse
+systems.py         a symmetric system: factor, solution, inverse; nonlinear least squares of few unknowns
 small.py           small ones within kernels; not imported here, as it compiles
 blocks.py          images that were compressed with losses
 robust.py          spreads and medians that gross errors do not move; small fits to many places at once
-interpolation.py   between the pixels of an image, and beyond a few known places
+places.py          the nearest of some; between the pixels of an image, and beyond a few known places
 """
 
 from core.numerics.blocks import compressed_in_blocks
-from core.numerics.cholesky import factor_of, inverse_by, solution_by
 from core.numerics.distributions import chi_square_limit, erf, fisher_above, fisher_limit, normal_limit
-from core.numerics.interpolation import four_pixels, from_neighbours
-from core.numerics.marquardt import least_squares
-from core.numerics.neighbours import nearest
+from core.numerics.places import four_pixels, from_neighbours, nearest
 from core.numerics.robust import (
     MEDIAN_OF_NORMAL,
     distinct,
@@ -29,6 +24,7 @@ from core.numerics.robust import (
     sigma_about_median,
     sigma_by_median,
 )
+from core.numerics.systems import factor_of, inverse_by, least_squares, solution_by
 
 __all__ = [
     "MEDIAN_OF_NORMAL",

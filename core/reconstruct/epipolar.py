@@ -71,10 +71,7 @@ def fans(own: Device, other: Device) -> tuple[Fan, Fan, float]:
 def depths_by_cameras(own: Device, own_labels: Labels, other: Device, other_labels: Labels) -> Array:
     """Inverse depths (H, W), 1/mm, of a camera's pixels by their places in another's image; NaN where none is sure.
 
-    Raises
-    ------
-    NoCoordinateError
-        If no coordinate was decoded by both, or the only one hardly changes along epipolar lines.
+    NoCoordinateError if no coordinate was decoded by both, or the only one hardly changes along epipolar lines.
     """
     one, two, base_mm = fans(own, other)
     lead = _leading(two, other_labels, own_labels)

@@ -15,17 +15,18 @@ import numpy as np
 
 from core.compiling import inner, njit
 from core.errors import NoCoordinateError
-from core.geometry import pair_for
-from core.model import Pair, PhaseMap, PhotogrammetricCalibration, PointCloud
+from core.geometry import lens_of, pair_for
+from core.model import Array, Floats, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
-from core.reconstruct.other_lenses import solve_rows
 from core.reconstruct.rays import flat
 from core.reconstruct.system import System, prepare, sigma_table
 
-MOST_STEPS = 12
+MOST_STEPS, STEPS = 12, 8  # of the kernel, and in plain numpy
 SETTLED_LINES = 1e-3  # a step this small leaves an error of the order of its square
 LEAST_VARIANCE = 1e-8  # lines², so that a sigma of 0 has a weight
 WEAK_AXIS = 0.1  # an axis with less than this share of the other's depth resolution cannot serve alone
+
+Coordinate = tuple[Floats, Floats, tuple[float, float, float]]  # values and sigmas (H, W), see `System.line_u`
 
 
 def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -> PointCloud:
@@ -33,13 +34,8 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
 
     `sigma_mm` is from phase noise and the calibration's covariance; `sigma_depth_mm` of Z from phase noise alone.
 
-    Raises
-    ------
-    NoCoordinateError
-        If no axis was decoded, or only one along which depth changes nothing.
+    NoCoordinateError if no axis was decoded, or only one along which depth changes nothing.
 
-    Notes
-    -----
     A pixel has a point where the leading coordinate (of those decoded the one that changes more with depth) is valid;
     the other one takes part where it is valid too. The calibration's part of the sigma is interpolated between nodes
     and taken for equal weights of u and v.
@@ -276,3 +272,50 @@ def _finish_rows(  # type: ignore[no-untyped-def]
                 nodes[j], nodes[j + 1], 1.0 / step, per_q,
                 xyz[r, 3 * a : 3 * b], sigma[r, 3 * a : 3 * b], sigma_depth[r, a:b],
             )  # fmt: skip
+
+
+def solve_rows(
+    system: System, first: Coordinate, second: Coordinate | None, lead: str, start: int, stop: int
+) -> tuple[Array, Array, Array, Array]:
+    """Inverse depths of rows start to stop - 1, in plain numpy, where the kernel does not know the projector's lens.
+
+    Each coordinate has values (H, W) in lines, their sigmas, and (k0, kx, ky); `lead` names the first, "u" or "v".
+    Gives, (rows, W): inverse depth, its sigma, the last step in lines, and the depth in the projector at q = 0.
+    """
+    values, _, (k0, kx, ky) = first
+    spec, interior = system.devices.projector
+    lens = lens_of(interior)
+    rays = system.rays[start:stop].astype(np.float64)
+    directions = np.concatenate([rays, np.full((*rays.shape[:2], 1), -1.0)], axis=-1)
+    X, Y, W = np.moveaxis(directions @ system.matrix.T, -1, 0)
+    mx, my, mw = system.vector
+    m = values[start:stop].astype(np.float64) - k0
+    q = (kx * X + ky * Y - m * W) / (m * mw - kx * mx - ky * my)
+    per_line = np.array([1 / spec.pitch_mm[0], -1 / spec.pitch_mm[1]])
+    middle = np.array([(spec.width - 1) / 2, (spec.height - 1) / 2])
+    observed: list[tuple[int, Array, Array]] = []
+    axes = (0, 1) if lead == "u" else (1, 0)
+    for axis, (seen, spread, _) in zip(axes, (first,) if second is None else (first, second), strict=False):
+        variance = np.nan_to_num(spread[start:stop].astype(np.float64) ** 2, nan=1.0)
+        observed.append((axis, seen[start:stop].astype(np.float64), np.maximum(variance, LEAST_VARIANCE)))
+    sigma_q, last = np.full(q.shape, np.nan), np.full(q.shape, np.inf)
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            w = 1.0 / (W + mw * q)
+            xy = np.stack([(X + mx * q) * w, (Y + my * q) * w], axis=-1)
+            along = (system.vector[:2] - xy * mw) * w[..., None]
+            lines = lens.distort(interior, xy) * per_line + middle
+            slopes = (lens.derivatives(interior, xy)[0] @ along[..., None])[..., 0] * per_line
+            right, information, steepest = np.zeros(q.shape), np.zeros(q.shape), np.zeros(q.shape)
+            for k, (axis, value, variance) in enumerate(observed):
+                rest, slope = value - lines[..., axis], slopes[..., axis]
+                weight = slope / variance if k == 0 else np.where(np.isfinite(rest), slope / variance, 0.0)
+                right += weight * (rest if k == 0 else np.nan_to_num(rest))
+                information += weight * slope
+                steepest = np.maximum(steepest, np.abs(slope))
+            step = right / information
+            q, last = q + step, np.abs(step) * steepest
+            sigma_q = 1.0 / np.sqrt(information)
+            if not np.any(last > 1e-6):
+                break
+    return q, sigma_q, np.nan_to_num(last, nan=np.inf), np.ascontiguousarray(W)

@@ -14,13 +14,9 @@ from core.reconstruct.export.exporter import Exporter, Image, grey_bytes
 def write_ply(file: BinaryIO, cloud: PointCloud, image: Image | None = None) -> int:
     """Write the valid points as a binary little-endian PLY file; give their number.
 
-    Parameters
-    ----------
-    cloud : PointCloud
-        Points (H, W, 3); their sigmas become the properties sigma_x, sigma_y, sigma_z (mm), where there are any;
-        sight and source say what made each point.
-    image : array, shape (H, W), optional
-        Grey values of the points, stored as red, green and blue from 0 (black) to 255 (the brightest percent).
+    Sigmas become the properties sigma_x, sigma_y, sigma_z (mm), where there are any; sight and source say what made
+    each point. The `image` has their grey values, stored as red, green and blue from 0 (black) to 255 (the brightest
+    percent).
     """
     valid = cloud.valid
     columns: list[tuple[str, str, NDArray[Any]]] = [

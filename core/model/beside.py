@@ -1,10 +1,17 @@
-"""What watching the rig takes and returns: what is known of a scene, and how the projector has moved."""
+"""What the work beside the road takes and returns: watching the rig, joining captures, measuring edges on surfaces."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from core.lazy import dataclass
 from core.model.arrays import Array
 from core.model.calibration import Pair
+
+if TYPE_CHECKING:
+    from core.geometry.rotation import Pose
 
 
 @dataclass(frozen=True)
@@ -93,3 +100,59 @@ class DriftPoint:
     sigma: Array
     p: float
     state: str
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """What ties two captures together: so many targets, or places of the surface that both see.
+
+    `misfit` is the r.m.s. of what remains between them in standard deviations by noise, the calibration's errors apart.
+    """
+
+    captures: tuple[str, str]
+    kind: Literal["targets", "places"]
+    number: int
+    misfit: float
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Poses of the rig in the captures of one object, ``view_from_first``: the first one's is fixed.
+
+    `covariance` (6(n-1), 6(n-1)) is by noise: rotation vector (rad, turning from the left) and shift (mm) of all but
+    the first. `by_calibration` (6(n-1), k) is their change with the calibration's parameters, whose errors all share.
+    """
+
+    captures: tuple[str, ...]
+    poses: tuple[Pose, ...]
+    covariance: Array
+    by_calibration: Array
+    overlaps: tuple[Overlap, ...]
+
+    def sigmas(self, calibration: Array) -> Array:
+        """Standard deviations (n-1, 6) with the part of a calibration's covariance (k, k)."""
+        J = self.by_calibration
+        return np.sqrt(np.diagonal(self.covariance + J @ calibration @ J.T)).reshape(-1, 6)
+
+
+@dataclass(frozen=True)
+class Feature:
+    """An edge of the evenly lit image, intersected with the measured surface, in the camera's frame.
+
+    `kind` is "circle" (or any ellipse in space) or "line". `uv` is where the camera sees `centre_mm`, `uv_cov` its
+    covariance by the edge alone; `cov_mm2` (3, 3) adds the surface's noise and what the calibration leaves uncertain.
+    `axes_mm` are the two semi-axes (2, 3) of an ellipse, longest first, or half of a line (1, 3); `sigma_mm` is of
+    their lengths by the noise, `size_mm` their mean, a circle's radius, and its standard deviation.
+    """
+
+    kind: str
+    uv: Array  # (2,) px
+    uv_cov: Array  # (2, 2) px²
+    centre_mm: Array  # (3,)
+    cov_mm2: Array  # (3, 3)
+    axes_mm: Array  # (2, 3) or (1, 3)
+    sigma_mm: Array
+    size_mm: tuple[float, float]
+    normal: Array  # (3,) of the surface, towards the camera
+    blur_px: float
+    pixels: int
