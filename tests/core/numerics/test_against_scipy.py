@@ -19,7 +19,7 @@ from core.numerics import (
     normal_limit,
     solution_by,
 )
-from core.numerics import cholesky as module
+from core.numerics import systems as module
 
 
 @pytest.mark.parametrize("level", [0.5, 0.05, 0.01, 1e-4, 1e-9])
