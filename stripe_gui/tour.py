@@ -10,7 +10,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 from PySide6.QtCore import QCoreApplication, QEvent
+from PySide6.QtGui import QImage
 
 from core.errors import StripeError
 from stripe_gui.app import Program, make_application
@@ -20,7 +23,8 @@ from stripe_gui.workbench import Workbench
 
 SIZE = (1360, 860)
 PATIENCE_S = 300.0  # the machine may be busy
-QUALITY = 80  # a PNG is lossless at any: packed in two thirds of the usual time, a tenth larger
+# plain areas: smaller without filters, and packed in a third of the time that Qt takes
+PACKED = [cv2.IMWRITE_PNG_COMPRESSION, 2, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE]
 SCALE = "STRIPE_TOUR_SCALE"
 
 
@@ -80,11 +84,19 @@ def _pictures(out: Path, project: Path | None, scale: str) -> int:
                 wait_until(lambda: not bench.views.busy, page)  # which parts there are may depend on what is computed
                 for part in window.page.parts():
                     wait_until(lambda: not bench.views.busy, page + part)
-                    window.grab().save(str(out / f"{page}{part}-{theme}-{scale}x.png"), quality=QUALITY)
+                    write(out / f"{page}{part}-{theme}-{scale}x.png", window.grab().toImage())
         window.close()
         for problem in problems:
             print(f"stripe-gui: {problem}", file=sys.stderr)
         return 1 if problems else 0
+
+
+def write(path: Path, picture: QImage) -> None:
+    """Write a picture as PNG."""
+    picture = picture.convertToFormat(QImage.Format.Format_BGR888)
+    rows = np.frombuffer(picture.constBits(), np.uint8).reshape(picture.height(), picture.bytesPerLine())
+    colours = rows[:, : 3 * picture.width()].reshape(picture.height(), picture.width(), 3)
+    path.write_bytes(cv2.imencode(path.suffix, colours, PACKED)[1].data)
 
 
 def wait_until(done: Callable[[], bool], what: str = "the window") -> None:

@@ -8,11 +8,13 @@ import sys
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
+from PySide6.QtGui import QColor, QImage
 
 from stripe_gui.__main__ import display_problem
 from stripe_gui.pages import PAGES
-from stripe_gui.tour import SCALE
+from stripe_gui.tour import SCALE, write
 
 NO_DISPLAY = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 
@@ -51,6 +53,13 @@ def test_the_tour_pictures_every_page_light_and_dark_at_double_scale(finished_pr
             found = [p for p in pictures if p.name.startswith(page) and p.name.endswith(f"{theme}-2x.png")]
             assert found, (page, theme)
             assert cv2.imread(str(found[0])).shape == (1720, 2720, 3)
+
+
+def test_a_picture_of_the_tour_keeps_its_colours(tmp_path: Path) -> None:
+    picture = QImage(5, 3, QImage.Format.Format_ARGB32_Premultiplied)
+    picture.fill(QColor(200, 100, 50))
+    write(tmp_path / "a.png", picture)
+    assert np.array_equal(cv2.imread(str(tmp_path / "a.png")), np.full((3, 5, 3), (50, 100, 200)))
 
 
 def test_the_tour_of_what_is_no_project_fails(tmp_path: Path) -> None:
