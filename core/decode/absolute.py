@@ -68,7 +68,7 @@ from core.lazy import dataclass
 from core.model import PhaseMap
 from core.numerics import compressed_in_blocks
 from core.parallel import run_in_bands
-from core.patterns import Axis, Pattern, check_entries
+from core.patterns import Axis, Pattern, refuse_beyond
 from core.progress import SILENT, Progress
 
 DEFAULT = DecodeOptions()
@@ -136,7 +136,8 @@ def decode(
     """
     arrays = check_images(patterns, images, where)
     if lines is not None:
-        check_entries(patterns, lines, where)
+        for i, pattern in enumerate(patterns):
+            refuse_beyond(pattern, lines, f"{where}: pattern {i}")
     fused = None if exposures_ms is None else fuse_exposures(patterns, arrays, exposures_ms, options, where)
     if fused is not None:
         depth = replace(options, saturation=float(DEEPEST), min_modulation=options.min_modulation * fused.steps)

@@ -22,13 +22,13 @@ from core.patterns.pattern import (
     pattern_from_dict,
     pattern_image,
     pattern_to_dict,
+    refuse_beyond,
     use_of,
 )
 from core.patterns.presets import PRESETS
 from core.patterns.sequence import finest_steps, gray_and_phase, light_sections, reference_sequence
 from core.patterns.spec import (
     SequenceSpec,
-    check_entries,
     default_sequence,
     like,
     parse_sequence,
@@ -56,7 +56,6 @@ __all__ = [
     "alike",
     "axis_of",
     "brightness",
-    "check_entries",
     "cycle_lines",
     "default_sequence",
     "describe",
@@ -73,6 +72,7 @@ __all__ = [
     "read_sequence",
     "read_sequence_file",
     "reference_sequence",
+    "refuse_beyond",
     "shows_grey",
     "use_of",
     "uses_version_2",

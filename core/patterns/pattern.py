@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from core.errors import InputError
 from core.fields import Fields
 from core.patterns.kinds import KINDS, Array, Axis, Pattern, Use
 
@@ -68,6 +69,13 @@ def grey_reason(pattern: Pattern) -> str | None:
 def cycle_lines(pattern: Pattern) -> float | None:
     """Lines in one cycle of a pattern's finest stripes; None where it has no regular ones."""
     return KINDS[pattern.kind].cycle(pattern)
+
+
+def refuse_beyond(pattern: Pattern, lines: tuple[int, int], where: str) -> None:
+    """Refuse a pattern that no projector of so many columns and rows can show; an InputError."""
+    found = KINDS[pattern.kind].beyond(pattern, lines[axis_of(pattern) == "y"])
+    if found is not None:
+        raise InputError(where, found[0], f"{found[1]}, or correct the projector's size in project.json")
 
 
 def describe(pattern: Pattern) -> str:

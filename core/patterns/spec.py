@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import field
 from functools import lru_cache
@@ -17,19 +17,8 @@ from core.errors import InputError
 from core.fields import Fields, text_of
 from core.lazy import dataclass
 from core.patterns.kinds import Lines, Pattern
-from core.patterns.pattern import describe, grey_reason, pattern_from_dict, pattern_to_dict
+from core.patterns.pattern import grey_reason, pattern_from_dict, pattern_to_dict, refuse_beyond
 from core.patterns.presets import PRESETS, Size
-
-
-def check_entries(patterns: Sequence[Pattern], lines: Size, where: str) -> None:
-    """Refuse patterns whose values are not those of a projector of so many columns and rows; an InputError."""
-    for i, pattern in enumerate(patterns):
-        wanted = lines[getattr(pattern, "axis", "x") == "y"]
-        if isinstance(values := getattr(pattern, "values", None), str | tuple) and len(values) != wanted:
-            seen = f"{describe(pattern)} has {len(values)} entries, the projector {wanted} lines"
-            raise InputError(
-                f"{where}: pattern {i}", seen, "give one entry for every line, or correct the projector's size"
-            )
 
 
 @dataclass(frozen=True)
@@ -54,7 +43,8 @@ class SequenceSpec:
         """
         if self.preset is not None:
             return _made(self.preset, json.dumps(dict(self.options), sort_keys=True), lines)
-        check_entries(self.listed, lines, where)
+        for i, pattern in enumerate(self.listed):
+            refuse_beyond(pattern, lines, f"{where}: pattern {i}")
         return self.listed
 
     @property

@@ -24,6 +24,7 @@ from core.patterns import (
     pattern_from_dict,
     pattern_to_dict,
     read_sequence,
+    refuse_beyond,
     uses_version_2,
 )
 from core.project.images import Image, write_image
@@ -145,7 +146,8 @@ def _frames(fields: Fields, project: Project | None) -> tuple[tuple[Frame, ...],
     items = fields.items("frames")
     devices = (("camera", project.rig.cameras), ("projector", project.rig.projectors)) if project else _UNKNOWN
     try:  # tells 1, 1.0 and true apart, as equality does not
-        key = marshal.dumps([items, [list(known) for _, known in devices]], 2)
+        sizes = [[(n, spec.width, spec.height) for n, spec in known.items()] for _, known in devices]
+        key = marshal.dumps([items, sizes], 2)
     except ValueError:
         key = b""
     if key in _KNOWN_FRAMES:
@@ -156,6 +158,9 @@ def _frames(fields: Fields, project: Project | None) -> tuple[tuple[Frame, ...],
         name = str(Path(entry.text("file")))
         pattern = pattern_from_dict(entry.nested("pattern").data, f"{entry.where} ({name})")
         camera, projector = (_device_of(entry, kind, known) for kind, known in devices)
+        if project:
+            spec = project.rig.projectors[projector]
+            refuse_beyond(pattern, (spec.width, spec.height), f"{entry.where} ({name}): pattern")
         frames.append(Frame(name, pattern, camera, projector, entry.real("exposure_ms", above=0.0, default=None)))
     _check_twice(fields, frames, project)
     if len(_KNOWN_FRAMES) >= _MOST_KNOWN:

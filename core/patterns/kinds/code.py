@@ -9,7 +9,7 @@ import numpy as np
 
 from core.fields import Fields
 from core.lazy import dataclass
-from core.patterns.kinds.kind import Array, Axis, Kind, Numbers, read_axis
+from core.patterns.kinds.kind import LONGEST, Array, Axis, Kind, Numbers, read_axis
 
 
 @dataclass(frozen=True)
@@ -48,5 +48,11 @@ def _write(pattern: Code) -> dict[str, Any]:
     return {key: value for key, value in asdict(pattern).items() if key != "kind"}
 
 
-GRAY = Kind("code", _reader("gray"), _light, _words, cycle=lambda p: 4.0 * p.cell, write=_write)
-BINARY = Kind("code", _reader("binary"), _light, _words, cycle=lambda p: 4.0 * p.cell, write=_write)
+def _beyond(pattern: Code, lines: int) -> tuple[str, str] | None:
+    if pattern.cell <= LONGEST * lines:
+        return None
+    return f"cell is {pattern.cell} lines, the projector has {lines}", "give the lines that share a number"
+
+
+GRAY = Kind("code", _reader("gray"), _light, _words, cycle=lambda p: 4.0 * p.cell, beyond=_beyond, write=_write)
+BINARY = Kind("code", _reader("binary"), _light, _words, cycle=lambda p: 4.0 * p.cell, beyond=_beyond, write=_write)

@@ -15,6 +15,7 @@ from core.lazy import dataclass
 Axis = Literal["x", "y"]
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
+LONGEST = 10.0  # stripes over the lines of the projector: of longer ones hardly anything is seen
 Use = Literal["level", "code", "phase", "section", "word"]
 
 
@@ -30,7 +31,7 @@ class Pattern(Protocol):
         ...
 
 
-def never(_pattern: Any) -> None:
+def never(*_pattern: Any) -> None:
     """Say that no pattern of a kind is concerned."""
     return
 
@@ -54,6 +55,8 @@ class Kind:
     grey: Callable[[Any], str | None] = never
     #: lines in one cycle of its finest stripes; None where it has no regular ones
     cycle: Callable[[Any], float | None] = never
+    #: what of a pattern no projector of so many lines can show, and the remedy; None if it can
+    beyond: Callable[[Any, int], tuple[str, str] | None] = never
     write: Callable[[Any], dict[str, Any]] = fields_of  #: the fields as capture.json holds them, without the kind
 
 

@@ -29,4 +29,12 @@ def _light(pattern: Line, i: Numbers) -> Array:
     return np.asarray((i >= pattern.index) & (i < pattern.index + pattern.width), dtype=np.float64)
 
 
-LINE = Kind("section", _read, _light, lambda pattern, along: f"line {pattern.index} of the {along}")
+def _beyond(pattern: Line, lines: int) -> tuple[str, str] | None:
+    if pattern.index >= lines:
+        return f"index is {pattern.index}, the projector has {lines} lines", f"give a line from 0 to {lines - 1}"
+    if pattern.width > lines:
+        return f"width is {pattern.width}, the projector has {lines} lines", "give the lines that are lit"
+    return None
+
+
+LINE = Kind("section", _read, _light, lambda pattern, along: f"line {pattern.index} of the {along}", beyond=_beyond)

@@ -65,9 +65,15 @@ def _grey(pattern: Lines) -> str | None:
     return None if isinstance(pattern.values, str) else "the pattern has lines between black and white: use 0 and 1"
 
 
+def _beyond(pattern: Lines, lines: int) -> tuple[str, str] | None:
+    if len(pattern.values) == lines:
+        return None
+    return f"values has {len(pattern.values)} entries, the projector {lines} lines", "give one entry for every line"
+
+
 def _write(pattern: Lines) -> dict[str, Any]:
     values = pattern.values if isinstance(pattern.values, str) else list(pattern.values)
     return {"axis": pattern.axis, "values": values}
 
 
-LINES = Kind("word", _read, _light, _words, _grey, write=_write)
+LINES = Kind("word", _read, _light, _words, _grey, beyond=_beyond, write=_write)

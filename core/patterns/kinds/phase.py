@@ -8,7 +8,7 @@ import numpy as np
 
 from core.fields import Fields
 from core.lazy import dataclass
-from core.patterns.kinds.kind import Array, Axis, Kind, Numbers, read_axis
+from core.patterns.kinds.kind import LONGEST, Array, Axis, Kind, Numbers, read_axis
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ def _read(fields: Fields) -> Phase:
     step = fields.integer("step", 0, steps - 1)
     shift = fields.real("shift_rad", default=2 * np.pi * step / steps)
     profile = fields.text("profile", default="sine", among=("square", "sine"))
-    return Phase(axis, fields.real("period", above=0.0), steps, step, shift, profile)
+    return Phase(axis, fields.real("period", least=2.0), steps, step, shift, profile)
 
 
 def _light(pattern: Phase, i: Numbers) -> Array:
@@ -48,4 +48,10 @@ def _grey(pattern: Phase) -> str | None:
     return 'the pattern has profile "sine": use "square"' if pattern.profile == "sine" else None
 
 
-PHASE = Kind("phase", _read, _light, _words, _grey, lambda pattern: pattern.period)
+def _beyond(pattern: Phase, lines: int) -> tuple[str, str] | None:
+    if pattern.period <= LONGEST * lines:
+        return None
+    return f"period is {pattern.period:g} lines, the projector has {lines}", "give the lines of one cycle"
+
+
+PHASE = Kind("phase", _read, _light, _words, _grey, lambda pattern: pattern.period, _beyond)

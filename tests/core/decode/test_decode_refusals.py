@@ -7,7 +7,7 @@ import pytest
 
 from core.decode import decode
 from core.errors import Cancelled, InputError
-from core.patterns import Black, Code, Lines, Phase, White, brightness, gray_and_phase, light_sections
+from core.patterns import Black, Code, Line, Lines, Phase, White, brightness, gray_and_phase, light_sections
 from core.progress import Progress
 
 
@@ -56,6 +56,20 @@ def test_words_of_another_projector(count: int) -> None:
     message = refused([*FULL, *words])
     assert f"pattern {len(FULL)}: " in message
     assert f"{count} entries, the projector 64 lines" in message
+
+
+@pytest.mark.parametrize(
+    ("pattern", "told"),
+    [
+        (Line("x", 64), "index is 64, the projector has 64 lines; give a line from 0 to 63"),
+        (Line("x", 3, 65), "width is 65"),
+        (Code("gray", "x", 0, 3, 641), "cell is 641"),
+        (Phase("x", 641.0, 4, 0, 0.0), "period is 641"),
+    ],
+)
+def test_patterns_beyond_the_projector(pattern, told) -> None:
+    assert told in refused([*FULL, pattern])
+    assert f"pattern {len(FULL)}: " in refused([*FULL, pattern])
 
 
 def test_one_period_without_code() -> None:
