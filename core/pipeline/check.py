@@ -24,7 +24,7 @@ from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_capture, read_project, write_json
-from core.project.captures import PATIENCE_S
+from core.project.captures import PATIENCE_S, not_a_capture
 from core.project.contents import FILE as CONTENTS
 from core.project.contents import hash_file
 from core.project.images import check_frame
@@ -125,8 +125,8 @@ def _listed(folder: Path, progress: Progress) -> Iterator[Finding]:
         if count > 1:
             seen, remedy = f"captures lists {name!r} {count} times", "listed once"
             yield path, seen, remedy, partial(_relist, folder)
-        if not os.path.isdir(folder / name):
-            seen = f"captures lists {name!r}, which is not there"
+        if lacking := not_a_capture(os.path.join(folder, name)):
+            seen = f"captures lists {name!r}, {lacking}"
             remedy = f"its name is kept under {_GONE!r} until the folder is restored"
             yield path, seen, remedy, partial(_relist, folder, without=name)
     there = {(folder / name).resolve() for name in names}

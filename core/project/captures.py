@@ -56,12 +56,9 @@ def read_project(folder: Path) -> Project:
     for name in fields.items("captures", []):
         if not isinstance(name, str) or not name:
             raise fields.refuse("captures", name, "list the folders of captures as texts")
-        if not os.path.isdir(os.path.join(place, name)):  # false for any text that cannot be a path, too
-            raise InputError(
-                folder / "project.json",
-                f"captures lists {name!r}, which is not there",
-                "restore that folder or remove its name",
-            )
+        if lacking := not_a_capture(os.path.join(place, name)):
+            seen, remedy = f"captures lists {name!r}, {lacking}", "restore that folder or remove its name"
+            raise InputError(folder / "project.json", seen, remedy)
         if folder / name in captures:
             raise fields.refuse("captures", name, "list every capture once")
         captures[folder / name] = None
@@ -79,6 +76,13 @@ def read_project(folder: Path) -> Project:
         decode.flag("estimate") if decode else False,
     )
     return replace(project, notes=_misspelt(fields))
+
+
+def not_a_capture(place: str) -> str:
+    """Say what a listed folder lacks to be a capture; any text may be listed."""
+    if os.path.isfile(os.path.join(place, "capture.json")):
+        return ""
+    return "a folder without capture.json" if os.path.isdir(place) else "which is not there"
 
 
 def _misspelt(*read: Fields) -> tuple[Note, ...]:
