@@ -86,6 +86,12 @@ class DeviceError(StripeError):
     """A projector or camera that does not do what it was asked."""
 
 
+class NotThereError(DeviceError):
+    """A device that cannot be opened where it is said to be: nothing has been done yet."""
+
+    exit_code = 2
+
+
 class PatternRefusedError(DeviceError):
     """A pattern that this projector cannot show."""
 

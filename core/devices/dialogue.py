@@ -14,7 +14,7 @@ from core.devices.link import LineDownError, Link
 from core.devices.profile import MEANINGS, Profile, Step
 from core.devices.protocol import Check, Note, no_check, no_note, wait_until
 from core.devices.template import Value, Values, calculated, takes_anything
-from core.errors import DeviceError
+from core.errors import DeviceError, NotThereError
 
 _REOPEN_S = 3.0  # for a line to come back
 _SHOWN_BYTES = 24  # of an answer that cannot be read
@@ -46,7 +46,10 @@ class Dialogue:
         self.asked, self.repeats, self.answered = 0, 0, False
         self.sent, self.heard = b"", bytearray()
         self._buffer, self._tag = bytearray(), 0
-        self._link: Link | None = Link(url, profile.port)
+        try:
+            self._link: Link | None = Link(url, profile.port)
+        except LineDownError as error:
+            raise NotThereError(*error.args) from error
 
     def do(self, command: str, once: bool = False, **values: Value) -> dict[str, Value]:
         """Go through the steps of a command; give all that was answered. One that is not in the profile does nothing.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from core.devices.protocol import GRAIN_S, Check, Image, Note, Pixels, Setting, no_check, no_note
-from core.errors import DeviceError
+from core.errors import DeviceError, NotThereError
 from core.lazy import dataclass
 
 SAME = 0.02  # a setting read back within two per cent counts as taken
@@ -244,9 +244,8 @@ class GenicamCamera:
             return int(place)
         serials = [str(device.serial_number) for device in self._harvester.device_info_list]
         if place not in serials:
-            raise DeviceError(
-                self.name, f"not among the {count} cameras found", f"use {', '.join(serials) or 'a cable'}"
-            )
+            remedy = f"use {' or '.join(serials)}" if serials else "check cable, supply and producer file"
+            raise NotThereError(self.name, f"not among the {count} cameras found", remedy)
         return {"serial_number": place}
 
     def _set_up(self, exposure_us: float | None, gain: float | None, gamma: float, pixel_format: str) -> None:

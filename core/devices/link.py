@@ -197,7 +197,8 @@ class Link:
         try:
             yield
         except (OSError, ValueError, TypeError, AttributeError, _termios_error()) as error:
-            raise LineDownError(self.url, f"the line {what} ({error})", self._remedy) from error
+            why = os.strerror(number) if (number := getattr(error, "errno", None)) else error  # pyserial says it twice
+            raise LineDownError(self.url, f"the line {what} ({why})", self._remedy) from error
 
 
 def _pyserial() -> Any:

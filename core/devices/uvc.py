@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from core.devices.protocol import GRAIN_S, Check, Image, Note, Pixels, Setting, no_check, no_note
-from core.errors import DeviceError
+from core.errors import DeviceError, NotThereError
 
 MANUAL = (1.0, 0.25)  # what "no automatic exposure" is called by Video4Linux and by others
 AUTOMATIC = (3.0, 0.75)  # and what automatic exposure is
@@ -67,7 +67,7 @@ class UvcCamera:
         self._capture = capture(number)
         if not self._capture.isOpened():
             self._capture.release()
-            raise DeviceError(
+            raise NotThereError(
                 self.name, "cannot be opened", "check the cable, and that no other program uses the camera"
             )
         try:

@@ -19,7 +19,7 @@ from core.devices.rs232 import SerialProjector
 from core.devices.scene import FlatScene
 from core.devices.server import EmulatedLine
 from core.devices.virtual import Stage
-from core.errors import Cancelled, DeviceError, InputError
+from core.errors import Cancelled, DeviceError, InputError, NotThereError
 from core.patterns import Black, Line, White, reference_sequence
 
 PROFILES = ["stripe-lines", "stripe-frames"]
@@ -140,6 +140,14 @@ def test_a_device_that_refuses_for_good_is_told_with_its_reason(script: Callable
 def test_a_port_that_cannot_be_opened_is_a_device_error(url: str) -> None:
     with pytest.raises(DeviceError, match="cannot be opened"):
         Link(url, Port(9600, 8, "none", 1.0, "none"))
+
+
+@pytest.mark.parametrize("place", ["/dev/no-such-port", "socket://127.0.0.1:1", "socket://127.0.0.1:99999"])
+def test_a_projector_that_is_not_at_its_url_is_bad_input(place: str) -> None:
+    """Nothing has been done yet; a device that fails later is no fault of what was typed."""
+    with pytest.raises((NotThereError, InputError), match=place.rpartition("/")[2]) as caught:
+        open_projector(f"serial:{place}?profile=stripe-lines")
+    assert caught.value.exit_code == 2
 
 
 def test_a_second_program_cannot_open_the_port() -> None:
