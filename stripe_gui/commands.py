@@ -128,7 +128,7 @@ def _go_actions() -> list[Action]:
         Action(
             f"go.{page}",
             text,
-            partial(_go_to, page),
+            partial(Workbench.show_page, page=page),
             keys,
             icon,
             translate("Actions", "Open this page."),
@@ -203,10 +203,6 @@ def _view_actions() -> list[Action]:
             checked_when=lambda bench: bench.settings.text("language", "en") == "de",
         ),
     ]
-
-
-def _go_to(page: str, bench: Workbench) -> None:
-    bench.show_page(page)
 
 
 def open_project(bench: Workbench) -> None:

@@ -48,7 +48,7 @@ class MainWindow(QMainWindow):
         self.statusBar().addPermanentWidget(self.job_bar)
         self.statusBar().setSizeGripEnabled(False)
         self.page_of("start")
-        self.actions_ = ActionSet([*program_actions(), *self._own_actions()], bench, self)
+        self.actions_ = ActionSet([*program_actions(), *self._page_actions(), *self._window_actions()], bench, self)
         self.actions_.fill(self.menuBar(), menu_titles())
         self._add_buttons(self.page)
         self._connect()
@@ -86,9 +86,6 @@ class MainWindow(QMainWindow):
         bench.session.project_changed.connect(self._project_changed)
         bench.session.refreshed.connect(self._refreshed)
         bench.jobs.changed.connect(self._jobs_changed)
-
-    def _own_actions(self) -> list[Action]:
-        return [*self._page_actions(), *self._window_actions()]
 
     def _page_actions(self) -> list[Action]:
         return [

@@ -116,11 +116,6 @@ def method_name(name: str, *others: str) -> str:
     return name
 
 
-def method_or_all(name: str) -> str:
-    """Refuse it, but for "all"."""
-    return method_name(name, "all")
-
-
 def sequence_argument(parser: Parser) -> None:
     """Declare the choice of a sequence."""
     words = "a preset, such as gray-sine or gray-sine:period=24,steps=8, or a JSON file of patterns"

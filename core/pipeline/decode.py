@@ -44,9 +44,7 @@ def decode_capture(
     """
     root = find_project(folder)
     project = read_project(root) if root else None
-    capture = one_series(read_capture(folder, project), camera, projector)
-    spec = project.rig.cameras[capture.camera] if project else None
-    return decode_images(capture, list(iterate_images(capture, spec)), project, progress, estimate)
+    return decode_series(one_series(read_capture(folder, project), camera, projector), project, progress, estimate)
 
 
 def one_series(capture: Capture, camera: str = "", projector: str = "") -> Capture:
@@ -59,6 +57,15 @@ def one_series(capture: Capture, camera: str = "", projector: str = "") -> Captu
     wanted = " with ".join(name for _, name in named if name)
     seen = f"holds no frames of {wanted}" if not found else f"holds frames of several devices: {pairs}"
     raise InputError(capture.path, seen, f"choose one: {pairs}" if not found else "name the camera, or the projector")
+
+
+def decode_series(capture: Capture, project: Project | None, progress: Progress, estimate: bool = False) -> PhaseMap:
+    """Read and decode the frames of one camera and one projector."""
+    images = []
+    for image in iterate_images(capture, project.rig.cameras[capture.camera] if project else None):
+        progress.check()  # a large capture takes seconds to read
+        images.append(image)
+    return decode_images(capture, images, project, progress, estimate)
 
 
 def decode_images(
@@ -97,15 +104,15 @@ def phase_maps(
     A capture by several cameras or projectors comes once for each pair, with that pair's frames and picks.
     """
     waiting = [series for capture in captures for series in capture.series]
-    pool = ThreadPoolExecutor(1)
+    pool, told = ThreadPoolExecutor(1), progress.quiet()
     try:
-        ahead = [pool.submit(_decoded, project, capture, progress) for capture in waiting[:1]]
+        ahead = [pool.submit(decode_series, capture, project, told) for capture in waiting[:1]]
         for i, capture in enumerate(waiting):
             progress(i / len(waiting), f"decoding {capture.name}")
             phase = ahead.pop()
             while wait([phase], timeout=0.05).not_done:
                 progress.check()
-            ahead = [pool.submit(_decoded, project, following, progress) for following in waiting[i + 1 : i + 2]]
+            ahead = [pool.submit(decode_series, following, project, told) for following in waiting[i + 1 : i + 2]]
             yield capture, phase.result()
     finally:
         pool.shutdown(wait=False, cancel_futures=True)  # who stops waits for no other capture
@@ -124,7 +131,7 @@ def from_phase_maps(
 
     def work(k: int, said: Progress) -> T:
         said(k / len(waiting), f"decoding {waiting[k].name}")
-        return what(waiting[k], _decoded(project, waiting[k], said))
+        return what(waiting[k], decode_series(waiting[k], project, said.quiet()))
 
     yield from zip(waiting, on_processes(work, len(waiting), progress), strict=True)
 
@@ -182,14 +189,6 @@ def taken_together(
     said = Progress(told, parts[0].cancelled) if parts else SILENT
     with closing(from_phase_maps(project, [one for one, _ in wanted.values()], each, said)) as stream:
         yield [partial(look.whole, own(k)) for k, look in enumerate(looks)]
-
-
-def _decoded(project: Project, capture: Capture, progress: Progress) -> PhaseMap:
-    images = []
-    for image in iterate_images(capture, project.rig.cameras[capture.camera]):
-        progress.check()  # a large capture takes seconds to read
-        images.append(image)
-    return decode_images(capture, images, project, progress.quiet())
 
 
 def write_phase(out: Path, phase: PhaseMap) -> None:

@@ -20,7 +20,6 @@ from core.model import (
     Calibration,
     Capture,
     Concern,
-    DepthCalibration,
     DeviceSpec,
     Interior,
     LeftOut,
@@ -128,10 +127,6 @@ class Evidence:
         plates, plate = _plates(calibration, self.captures, self.kept)
         same = plate is not None and _same(plate, board)
         return length_concerns(adjustment, board, self.project.scale, plates, same)
-
-    def lengths_of_plates(self, depth: DepthCalibration) -> list[Concern]:
-        """What the plates' own targets say of their positions, where no projector is calibrated."""
-        return lengths_of(depth.camera_spec, depth.camera, [c for c in self.captures if c.role == "depth"], self.kept)
 
     def targets(self, method: Method) -> list[TargetSet]:
         """The targets of the captures that a method used."""

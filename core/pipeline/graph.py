@@ -293,8 +293,3 @@ class Graph(Holdings):
             record = measured_from(self.project, capture, "", self.contents)
             parts.append([name, capture.role, capture.z_mm, capture.angle_deg, record["captures"]])
         return hash_value(parts)
-
-
-def sign_of(project: Project) -> str:
-    """Sign everything that the stages of a project read."""
-    return Graph(project).sign()

@@ -28,13 +28,13 @@ from core.model import (
     TargetSet,
 )
 from core.pipeline.calibrate import photogrammetric_calibration
-from core.pipeline.decode import decode_images, one_series
+from core.pipeline.decode import decode_series, one_series
 from core.pipeline.folders import all_captures, find_capture, result_path
 from core.pipeline.inputs import decoded_from
 from core.pipeline.measure import measured_targets
 from core.pipeline.runs import calibration_file
 from core.progress import SILENT, Progress
-from core.project import iterate_images, load_archive, save_archive
+from core.project import load_archive, save_archive
 from core.project.archive import read_head
 
 TARGETS = "targets"  # ends of a length that are targets: (row, col, 0)
@@ -86,8 +86,7 @@ def orient_capture(
         raise InputError("the significance", f"is {significance:g}", "give a share between 0 and 1, such as 0.001")
     calibration = photogrammetric_calibration(project)
     capture = one_series(find_capture(project, name), camera, projector)
-    images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
-    phase = decode_images(capture, images, project, progress.part(0.0, 0.3))
+    phase = decode_series(capture, project, progress.part(0.0, 0.3))
     motion = find_motion(
         phase,
         calibration,

@@ -8,13 +8,13 @@ from core.atomic import check_place
 from core.errors import InputError
 from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import chosen_calibration
-from core.pipeline.decode import decode_images, one_series, phase_maps
+from core.pipeline.decode import decode_series, one_series, phase_maps
 from core.pipeline.folders import find_capture
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import oriented
 from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
-from core.project import atomic_write, iterate_images
+from core.project import atomic_write
 
 
 def reconstruct_capture(
@@ -51,8 +51,7 @@ def reconstruct_capture(
         phases = {phase.camera: phase for _, phase in phase_maps(project, due, progress.part(0.0, 0.5))}
         clouds = joint_clouds([*phases.values()], calibration, camera=capture.camera, progress=progress.part(0.5, 1.0))
         return phases[capture.camera], clouds[capture.camera]
-    images = list(iterate_images(capture, project.rig.cameras[capture.camera]))
-    phase = decode_images(capture, images, project, progress.part(0.0, 0.5))
+    phase = decode_series(capture, project, progress.part(0.0, 0.5))
     cloud = record.reconstruct(phase, calibration, extrapolate, progress.part(0.5, 1.0))
     return phase, cloud
 

@@ -30,7 +30,7 @@ def volume_figures(
     capture is no part of them. Maps: the same over the grid, (depths, rows, columns), NaN where the projector lights
     nothing; `uv`, `xyz_mm`. A calibration that tells no sigmas is an InputError.
     """
-    pair, depths, named = _known(project, run, camera, projector)
+    pair, depths, named = _pair_of(*_kept(project, run), camera, projector)
     if not pair.covariance.any():
         seen = "the calibration is another program's, which tells no sigmas"
         raise InputError(project.path, seen, "calibrate here, or import a file that has parameter_covariance")
@@ -146,11 +146,6 @@ def _pair_of(
     camera, projector = camera or calibration.camera_name, projector or calibration.projector_name
     named = {"camera": camera, "projector": projector} if len(calibration.devices) > 2 else {}
     return pair, working_depths(pair, adjustment, camera), named
-
-
-def _known(project: Project, run: int | None, camera: str, projector: str) -> tuple[Pair, Array, dict[str, str]]:
-    """Give a pair of the calibration in use, or of a kept run, as `_pair_of` does."""
-    return _pair_of(*_kept(project, run), camera, projector)
 
 
 def _kept(project: Project, run: int | None) -> tuple[PhotogrammetricCalibration, Adjustment | None]:

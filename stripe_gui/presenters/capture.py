@@ -14,7 +14,7 @@ from core.patterns import Pattern, describe
 from core.pipeline.picking import lit_frame_of
 from core.progress import SILENT, Progress
 from core.project import read_image
-from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
+from stripe_gui.presenters.folder import CaptureEntry
 from stripe_gui.presenters.told import sentence, signed, told
 
 translate = QCoreApplication.translate
@@ -51,12 +51,8 @@ def role_name(role: str) -> str:
     }.get(role, role)
 
 
-def capture_rows(folder: ProjectFolder) -> list[CaptureRow]:
-    """Describe every capture of a project."""
-    return [_row(entry) for entry in folder.captures()]
-
-
-def _row(entry: CaptureEntry) -> CaptureRow:
+def capture_row(entry: CaptureEntry) -> CaptureRow:
+    """Describe a capture of a project."""
     capture = entry.capture
     if capture is None:
         return CaptureRow(entry.name, "", translate("Capture", "cannot be read"), str(entry.error))

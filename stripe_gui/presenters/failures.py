@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication
 from core.errors import StripeError
 from core.pipeline import failures
 from core.pipeline.failures import StageFailure
-from core.pipeline.graph import sign_of
+from core.pipeline.graph import Graph
 from core.project import read_project
 from stripe_gui.presenters.told import told
 
@@ -36,4 +36,4 @@ def describe(error: BaseException, trace: str = "") -> StageFailure:
 
 def keep_failure(folder: Path, stage: str, failure: StageFailure) -> None:
     """Remember that a stage failed, until it succeeds or what the stages read changes."""
-    failures.keep_failure(folder, stage, replace(failure, read=sign_of(read_project(folder))))
+    failures.keep_failure(folder, stage, replace(failure, read=Graph(read_project(folder)).sign()))

@@ -6,7 +6,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QListWidget, QListWidgetItem
 
 from stripe_gui.assets import icon
-from stripe_gui.presenters.capture import capture_rows
+from stripe_gui.presenters.capture import capture_row
 from stripe_gui.session import Session
 
 SIGNS = {"testfield": "measure", "depth": "runall", "plane": "evaluate", "object": "reconstruct"}
@@ -34,7 +34,7 @@ class CaptureList(QListWidget):
         self._mark(self._session.capture_name)
 
     def _list(self) -> None:
-        rows = capture_rows(self._session.folder) if self._session.folder else []
+        rows = map(capture_row, self._session.folder.captures() if self._session.folder else ())
         self.blockSignals(True)
         self.clear()
         for row in rows:

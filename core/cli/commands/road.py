@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, add_devices, check_out, method_name, method_or_all
+from core.cli.arguments import Commands, Options, add_devices, check_out, method_name
 from core.cli.console import print_left_out, print_plane_verdicts, print_verdict
 from core.errors import InputError, StripeError
 from core.progress import Progress
@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
         "calibrate", _calibrate, "calibrate camera and projector, and keep the result in the project"
     )
     words = "photogrammetric, polynomial, or all that have captures (default)"
-    sub.add_argument("--method", type=method_or_all, default="all", metavar="METHOD", help=words)
+    sub.add_argument("--method", type=lambda m: method_name(m, "all"), default="all", metavar="METHOD", help=words)
     sub.add_argument(
         "--free-stations", action="store_true", help="orient every station on its own: the rig is not rigid"
     )

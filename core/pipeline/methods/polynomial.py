@@ -157,7 +157,10 @@ def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]
 
 
 def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
-    lengths = evidence.lengths if evidence.photogrammetric is not None else evidence.lengths_of_plates(depth)
+    lengths = evidence.lengths
+    if evidence.photogrammetric is None:
+        plates = [c for c in evidence.captures if c.role == "depth"]
+        lengths = lengths_of(depth.camera_spec, depth.camera, plates, evidence.kept)
     of_plates = [c for c in lengths if c.about != "board"]
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
     return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
