@@ -29,26 +29,7 @@ from core.bench.simulate import simulate
 from core.bench.truth import true_targets, truth_maps
 
 __all__ = [
-    "Block",
-    "Board",
-    "Experiment",
-    "Form",
-    "Lcd",
-    "Lens",
-    "Prepared",
-    "Rig",
-    "Scene",
-    "Sensor",
-    "Sphere",
-    "converging_pair",
-    "experiment",
-    "faults",
-    "lines_of",
-    "plan",
-    "prepare",
-    "render",
-    "scenarios",
-    "simulate",
-    "true_targets",
-    "truth_maps",
-]
+    "Block", "Board", "Experiment", "Form", "Lcd", "Lens", "Prepared", "Rig", "Scene", "Sensor", "Sphere",
+    "converging_pair", "experiment", "faults", "lines_of", "plan", "prepare", "render", "scenarios", "simulate",
+    "true_targets", "truth_maps",
+]  # fmt: skip

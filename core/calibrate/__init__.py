@@ -26,17 +26,7 @@ from core.calibrate.photogrammetric import CALIBRATION_OPTIONS, calibrate_photog
 from core.calibrate.rigid import RigidityTest
 
 __all__ = [
-    "CALIBRATION_OPTIONS",
-    "AdjustOptions",
-    "DepthOptions",
-    "DepthPlane",
-    "LeftOut",
-    "NextPose",
-    "RigidityTest",
-    "adjust",
-    "calibrate_depth",
-    "calibrate_photogrammetric",
-    "leave_captures_out",
-    "network_from_targets",
+    "CALIBRATION_OPTIONS", "AdjustOptions", "DepthOptions", "DepthPlane", "LeftOut", "NextPose", "RigidityTest",
+    "adjust", "calibrate_depth", "calibrate_photogrammetric", "leave_captures_out", "network_from_targets",
     "next_poses",
-]
+]  # fmt: skip

@@ -43,28 +43,7 @@ from core.devices.protocol import (
 from core.devices.screen import offer_screens
 
 __all__ = [
-    "CAMERA_FAULTS",
-    "CAMERA_KINDS",
-    "LINK_FAULTS",
-    "PROJECTOR_KINDS",
-    "TRIGGER_FAULTS",
-    "Adjustable",
-    "Armed",
-    "Camera",
-    "Check",
-    "DeviceKind",
-    "Following",
-    "Image",
-    "Leading",
-    "Projector",
-    "SelfRunning",
-    "Setting",
-    "no_check",
-    "offer_screens",
-    "open_camera",
-    "open_devices",
-    "open_projector",
-    "parse_address",
-    "wait_until",
-    "with_option",
-]
+    "CAMERA_FAULTS", "CAMERA_KINDS", "LINK_FAULTS", "PROJECTOR_KINDS", "TRIGGER_FAULTS", "Adjustable", "Armed",
+    "Camera", "Check", "DeviceKind", "Following", "Image", "Leading", "Projector", "SelfRunning", "Setting", "no_check",
+    "offer_screens", "open_camera", "open_devices", "open_projector", "parse_address", "wait_until", "with_option",
+]  # fmt: skip

@@ -10,17 +10,6 @@ from core.evaluate.profile import Line, Profile, interpolate, line_across, point
 from core.evaluate.sphere import Sphere, fit_sphere
 
 __all__ = [
-    "Line",
-    "Plane",
-    "Profile",
-    "Sphere",
-    "evaluate_plane",
-    "fit_plane",
-    "fit_sphere",
-    "heights",
-    "interpolate",
-    "line_across",
-    "points_on_plane",
-    "read_profile",
-    "share_within",
-]
+    "Line", "Plane", "Profile", "Sphere", "evaluate_plane", "fit_plane", "fit_sphere", "heights", "interpolate",
+    "line_across", "points_on_plane", "read_profile", "share_within",
+]  # fmt: skip

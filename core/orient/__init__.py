@@ -23,15 +23,6 @@ from core.orient.register import View, register
 from core.orient.starts import starts_of
 
 __all__ = [
-    "LENGTHS",
-    "Expectation",
-    "OrientOptions",
-    "View",
-    "drift_chart",
-    "expectation_of",
-    "find_motion",
-    "judged",
-    "lines_at",
-    "register",
-    "starts_of",
-]
+    "LENGTHS", "Expectation", "OrientOptions", "View", "drift_chart", "expectation_of", "find_motion", "judged",
+    "lines_at", "register", "starts_of",
+]  # fmt: skip

@@ -23,15 +23,6 @@ from core.reconstruct.stations import at_stations, joined
 from core.reconstruct.texture import fill_by_texture
 
 __all__ = [
-    "EXPORTERS",
-    "Sight",
-    "at_stations",
-    "exporter_for",
-    "fill_by_texture",
-    "intersect_all",
-    "joined",
-    "merged",
-    "reconstruct",
-    "write_npz",
-    "write_ply",
-]
+    "EXPORTERS", "Sight", "at_stations", "exporter_for", "fill_by_texture", "intersect_all", "joined", "merged",
+    "reconstruct", "write_npz", "write_ply",
+]  # fmt: skip

@@ -39,24 +39,7 @@ from core.report.words import Summary, summary
 from core.report.write import write_report
 
 __all__ = [
-    "CHAPTERS",
-    "Chapter",
-    "Number",
-    "ReportData",
-    "ReportPaths",
-    "SignOff",
-    "Summary",
-    "Table",
-    "Tolerance",
-    "Verdict",
-    "cell_text",
-    "summary",
-    "table_file",
-    "tables",
-    "text_table",
-    "verdict",
-    "verdicts_of",
-    "write_columns_csv",
-    "write_report",
-    "write_table_csv",
-]
+    "CHAPTERS", "Chapter", "Number", "ReportData", "ReportPaths", "SignOff", "Summary", "Table", "Tolerance", "Verdict",
+    "cell_text", "summary", "table_file", "tables", "text_table", "verdict", "verdicts_of", "write_columns_csv",
+    "write_report", "write_table_csv",
+]  # fmt: skip

@@ -100,15 +100,6 @@ def fitted(spec: DeviceSpec, interior: Interior, model: str, names: Sequence[str
 
 
 __all__ = [
-    "LENSES",
-    "MAIN",
-    "Lens",
-    "Parameter",
-    "at_radius",
-    "distort",
-    "fitted",
-    "lens_of",
-    "nominal",
-    "regular",
+    "LENSES", "MAIN", "Lens", "Parameter", "at_radius", "distort", "fitted", "lens_of", "nominal", "regular",
     "undistort",
-]
+]  # fmt: skip

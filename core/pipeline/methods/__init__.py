@@ -51,12 +51,6 @@ def calibration_figures(calibrations: Mapping[Method, Calibration]) -> Figures:
 
 
 __all__ = [
-    "METHODS",
-    "Calibrated",
-    "CalibrationMethod",
-    "Judgement",
-    "archives_of",
-    "calibration_figures",
-    "method_of",
+    "METHODS", "Calibrated", "CalibrationMethod", "Judgement", "archives_of", "calibration_figures", "method_of",
     "shares",
-]
+]  # fmt: skip
