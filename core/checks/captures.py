@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Capture, Concern, DeviceSpec, Frame, PlaneEvaluation, TargetSet, Testfield
-from core.numerics import quantile_of
+from core.numerics import quantile_of, sigma_by_median
 from core.patterns import Pattern, alike, level_of
 
 MOST_NAMED = 4
 LEAST_COMMON = 8  # targets of two captures that are compared
-SAME = 0.2  # of sigma, r.m.s.: two images of a board that stands still differ by 1.4
+SAME = 0.5  # of the sigmas of both, r.m.s.: two images of a board that stands still differ by 1
 AT_ONE_PLACE = 2e-3  # of planes' normals, and of their distance over itself: what may be one
+COPIED = 0.6  # of the noise of both images: two exposures differ by 1, a copy by what was added to it
 ROUNDED = 0.4  # grey values: rounding once leaves 0.29, and two exposures 0.57 where their noise is but 0.3
 CAPTURES = 4  # that tell which gaps in the grey values are usual
 FEW = 0.25  # of the captures may be unlike the others; more are another setting, by choice
@@ -82,10 +83,12 @@ def repeated_targets(sets: Sequence[TargetSet]) -> list[Concern]:
         if len(first) < LEAST_COMMON:
             continue
         second = np.array([index[keys[0][k]] for k in first])
-        off = a.camera_uv[first] - b.camera_uv[second]
-        variance = np.diagonal(a.camera_cov[first], axis1=1, axis2=2)
-        if np.mean(off**2 / variance) < SAME**2:
-            text = f"{b.capture} has the same targets as {a.capture}, to a fifth of their sigma: one capture measured "
+        variance = np.diagonal(a.camera_cov[first] + b.camera_cov[second], axis1=1, axis2=2)
+        seen = (a.camera_uv[first] - b.camera_uv[second]) ** 2 / variance
+        both = a.projector_sigma[first] ** 2 + b.projector_sigma[second] ** 2
+        lit = (a.projector_uv[first] - b.projector_uv[second]) ** 2 / both
+        if max(np.mean(seen), np.mean(lit[np.isfinite(lit)] if np.isfinite(lit).any() else 0)) < SAME**2:
+            text = f"{b.capture} has the same targets as {a.capture}, to half of their sigma: one capture measured "
             concerns.append(Concern("failed", f"{text}twice; take one out"))
     return concerns
 
@@ -96,26 +99,35 @@ def repeated_planes(
     """Find planes whose frames are another's, whatever became of the files, and give the other's name by theirs.
 
     `pairs` gives images of two captures under the same stripes. A camera's noise is another in each; frames that were
-    written again, or scaled, follow from the first ones but for rounding.
+    written again, scaled or given a little noise follow from the first ones but for that.
     """
     repeated: dict[str, str] = {}
     for a, b in combinations(evaluations, 2):
         together = (a.method, a.devices) == (b.method, b.devices) and not {a.capture, b.capture} & {*repeated}
         if together and np.abs((a.plane - b.plane) / (1, 1, 1, abs(a.plane[3]) or 1)).max() < AT_ONE_PLACE:
-            off = [_beyond_rounding(*pair) for pair in pairs(a.capture, b.capture)]
-            if off and max(off) < ROUNDED:
+            off = [_unlike(*pair) for pair in pairs(a.capture, b.capture)]
+            if off and max(off) < 1:
                 repeated[b.capture] = a.capture
     return repeated
 
 
-def _beyond_rounding(a: NDArray, b: NDArray) -> float:
-    """R.m.s. of what one image leaves of the other where it is bright and neither clipped, in the coarser's values."""
+def _unlike(a: NDArray, b: NDArray) -> float:
+    """R.m.s. of what one image leaves of the other where it is bright and neither clipped, over what copies leave."""
     x, y = (image.astype(np.float64).ravel() for image in (a, b))
     use = (x > x.mean()) & (x < x.max()) & (y > y.min()) & (y < y.max())
     if a.shape != b.shape or use.sum() < LEAST_COMMON or np.ptp(x[use]) == 0:
         return np.inf
     gain, offset = np.polyfit(x[use], y[use], 1)
-    return float(np.sqrt(np.mean((y[use] - gain * x[use] - offset) ** 2)) / max(1.0, abs(gain)))
+    left = float(np.sqrt(np.mean((y[use] - gain * x[use] - offset) ** 2)))
+    noise = np.hypot(gain * _noise(a, use), _noise(b, use))
+    return left / max(ROUNDED * max(1.0, abs(gain)), COPIED * noise)
+
+
+def _noise(image: NDArray, use: NDArray[np.bool_]) -> float:
+    """Standard deviation of an image's noise, by its second differences along the stripes."""
+    grey, use = image.astype(np.float64), use.reshape(image.shape)
+    along = (np.diff(values, n=2)[where[:, 1:-1]] for values, where in ((grey, use), (grey.T, use.T)))
+    return min(sigma_by_median(each) for each in along) / 6**0.5
 
 
 def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Concern:

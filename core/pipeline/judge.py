@@ -75,7 +75,7 @@ def judge_planes(
     from core.checks import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 
     common = [
-        Concern("failed", f"{b} shows the frames of {a}, but for their scale: copied there? Record one again", name)
+        Concern("failed", f"{b} shows the frames of {a}, but for scale and noise: copied there? Record one again", name)
         for b, a in (repeated or {}).items()
         for name in (a, b)
     ]

@@ -37,7 +37,7 @@ NOT_TOLD = {
     "{}  turned about X, Y, Z, µrad{}shifted across the base, µm         p",
     *("out of control: {}", "in control"),
     # pieces of what is translated as a whole
-    "{} has the same targets as {}, to a fifth of their sigma: one capture measured ",
+    "{} has the same targets as {}, to half of their sigma: one capture measured ",
     "{}twice; take one out",
     "{} held at {} nominal values: are these right? Try",
     "{} without --hold before you look for other causes",

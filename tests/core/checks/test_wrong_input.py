@@ -99,6 +99,13 @@ def with_lines_of(other: TargetSet, t: TargetSet) -> TargetSet:
     return replace(t, projector_uv=np.array(lines))
 
 
+def exposed_again(t: TargetSet, sigmas: float) -> TargetSet:
+    """The same targets with further noise."""
+    rng = np.random.default_rng(0)
+    uv = t.camera_uv + sigmas * rng.normal(0, np.sqrt(np.diagonal(t.camera_cov, axis1=1, axis2=2)))
+    return replace(t, camera_uv=uv, projector_uv=t.projector_uv + sigmas * rng.normal(0, t.projector_sigma))
+
+
 def half_turned(t: TargetSet, rows: int, cols: int) -> TargetSet:
     return replace(t, row=rows - 1 - t.row, col=cols - 1 - t.col)
 
@@ -234,6 +241,10 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
         lambda p: one(p, 2, lambda t: replace(p.fields[8], capture=t.capture)),
         "testfield-0[39].*same targets",
     ),
+    "a capture measured twice, noise added": (
+        lambda p: one(p, 2, lambda t: exposed_again(replace(p.fields[8], capture=t.capture), 0.4)),
+        "testfield-0[39].*same targets",
+    ),
     "sigmas a tenth": (
         lambda p: replace(
             p,
@@ -287,6 +298,11 @@ def test_wrong_input_is_named(kind: str, name: str, projects: dict[str, Project]
         verdict = Verdict("failed", (str(error),))
     assert verdict.state != "passed"
     assert any(re.search(told, text) for text in verdict.because[:3]), verdict.because
+
+
+def test_a_board_that_stood_still_is_not_one_capture(projects: dict[str, Project]) -> None:
+    for t in projects["paper"].fields[:3]:
+        assert not repeated_targets([t, replace(exposed_again(t, 1.0), capture="again")])
 
 
 @pytest.mark.parametrize("name", list(RIGS))
