@@ -40,4 +40,5 @@ fi
 
 echo "setup: making the environment in $venv (a minute or two the first time)"
 "$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$python" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e ".[$extra]"
+# Python compiles what is used at its first use: all at once takes half a minute
+"$venv/bin/python" -m pip install --no-compile --quiet --disable-pip-version-check -e ".[$extra]"
