@@ -27,7 +27,7 @@ compressed.py frames compressed with losses, and what that does to phases
 footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
 islands.py    coordinates that nothing around vouches for
 neighbours.py orders of fringes that a pixel leaves open and its neighbours tell
-mixed.py      pixels that see two surfaces at once
+mixed.py      pixels that see two surfaces at once, or the rim of the projected field
 detours.py    light that reaches a surface by a second way
 moved.py      edges of a code beside the phases' place of them, by light from near
 agreement.py  how far several periods contradict each other, and what that adds to sigma
@@ -39,7 +39,6 @@ shown.py      how words are shown: blur, noise, flicker and whatever bends their
 book.py       the words of an axis under every blur, and the kernels that find a pixel among them
 edges.py      how surely the edges of a Gray code alone tell the place
 ripple.py     whole lines' ripple on sine fringes
-rim.py        the rim of the projected field, where fringes are cut
 """
 
 from core.decode.absolute import decode

@@ -27,14 +27,13 @@ from core.decode.islands import drop_islands, farthest
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
-from core.decode.mixed import doubt_mixtures, drop_vague
+from core.decode.mixed import doubt_mixtures, drop_rim, drop_vague
 from core.decode.neighbours import ask_neighbours
 from core.decode.noise import Noise, contrasts
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.plan import plan_axis
 from core.decode.response import Response, Wave, shade, straighten, waves_of
-from core.decode.rim import drop_rim
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
     balance,

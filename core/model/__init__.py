@@ -32,9 +32,8 @@ from core.model.finding import (
     points_at_a_cause,
     verdict_of,
 )
+from core.model.maps import PhaseMap, PlaneEvaluation, PointCloud
 from core.model.network import Network, NetworkDevice, NetworkScale, StationId, TargetId
-from core.model.phase import PhaseMap
-from core.model.points import PlaneEvaluation, PointCloud
 from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, Seed, TargetSet, Testfield
 

@@ -6,8 +6,7 @@ of the relative orientation; the length of the base, and with one scene the foca
 
 residuals.py  points and epipolar residuals of the image's places, and how they change with the calibration
 known.py      lengths and points that are known, as observations
-chance.py     what chance explains: significance, and drifts beyond the usual
-freedom.py    what may have changed, and by how much rigs drift
+freedom.py    what may have changed, by how much rigs drift, and what chance explains
 equations.py  the linear estimate, its covariance, and what neighbours share
 motion.py     the test of the calibrated orientation, and the corrected one with its covariance
 register.py   how the rig stood in captures of one object, from targets and the surface; starts in starts.py,

@@ -15,8 +15,7 @@ import numpy as np
 
 from core.lazy import dataclass
 from core.model import Array, DriftPoint, Pair, RigMotion
-from core.orient.chance import significance_of
-from core.orient.freedom import DEFAULT, OrientOptions, orientation_freedom
+from core.orient.freedom import DEFAULT, OrientOptions, orientation_freedom, significance_of
 
 WARNING = 0.05
 

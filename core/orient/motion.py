@@ -12,9 +12,17 @@ from core.geometry import pair_for, perturbed
 from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
 from core.numerics import distinct, sigma_by_median
-from core.orient.chance import significance_of, stretch_of
 from core.orient.equations import Equations, Estimate, Places, robust_estimate
-from core.orient.freedom import DEFAULT, Freedom, OrientOptions, motion_of, orientation_freedom, whole_freedom
+from core.orient.freedom import (
+    DEFAULT,
+    Freedom,
+    OrientOptions,
+    motion_of,
+    orientation_freedom,
+    significance_of,
+    stretch_of,
+    whole_freedom,
+)
 from core.orient.known import Observed, measured_length, observed_length, observed_points
 from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals, of_middles
 from core.progress import SILENT, Progress

@@ -12,6 +12,7 @@ from core.lazy import dataclass
 from core.model import PointCloud
 
 Image = NDArray[Any]  # (H, W) grey values
+_ROWS = 20_000  # written at once
 
 
 @dataclass(frozen=True)
@@ -41,3 +42,10 @@ def points_and_grey(cloud: PointCloud, image: Image | None) -> tuple[NDArray[np.
     valid = cloud.valid
     points = np.ascontiguousarray(cloud.xyz_mm[valid], np.float32)
     return points, None if image is None else grey_bytes(np.asarray(image, np.float32)[valid])
+
+
+def write_lines(file: BinaryIO, form: str, rows: NDArray[Any]) -> None:
+    """Write rows (n, k) as lines of text."""
+    for start in range(0, len(rows), _ROWS):
+        part = rows[start : start + _ROWS].tolist()
+        file.write(("\n".join(form % tuple(row) for row in part) + "\n").encode("ascii"))

@@ -7,10 +7,8 @@ from typing import BinaryIO
 import numpy as np
 
 from core.model import PointCloud
-from core.reconstruct.export.exporter import Exporter, Image, points_and_grey
+from core.reconstruct.export.exporter import Exporter, Image, points_and_grey, write_lines
 from core.reconstruct.export.mesh import triangles
-
-_ROWS = 20_000  # written at once
 
 
 def _write(file: BinaryIO, cloud: PointCloud, image: Image | None) -> int:
@@ -20,15 +18,9 @@ def _write(file: BinaryIO, cloud: PointCloud, image: Image | None) -> int:
     columns = points.astype(np.float64)
     if grey is not None:
         columns = np.hstack([columns, np.repeat(grey[:, None] / 255.0, 3, axis=1)])
-    _lines(file, line, columns)
-    _lines(file, "f %d %d %d", triangles(cloud) + 1)
+    write_lines(file, line, columns)
+    write_lines(file, "f %d %d %d", triangles(cloud) + 1)
     return len(points)
-
-
-def _lines(file: BinaryIO, form: str, rows: np.ndarray) -> None:
-    for start in range(0, len(rows), _ROWS):
-        part = rows[start : start + _ROWS].tolist()
-        file.write(("\n".join(form % tuple(row) for row in part) + "\n").encode("ascii"))
 
 
 EXPORTER = Exporter(".obj", "mesh", _write)

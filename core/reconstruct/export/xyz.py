@@ -5,16 +5,12 @@ from __future__ import annotations
 from typing import BinaryIO
 
 from core.model import PointCloud
-from core.reconstruct.export.exporter import Exporter, Image, points_and_grey
-
-_ROWS = 20_000
+from core.reconstruct.export.exporter import Exporter, Image, points_and_grey, write_lines
 
 
 def _write(file: BinaryIO, cloud: PointCloud, image: Image | None) -> int:
     points, _ = points_and_grey(cloud, None)
-    for start in range(0, len(points), _ROWS):
-        part = points[start : start + _ROWS].tolist()
-        file.write(("\n".join(f"{x:.9g} {y:.9g} {z:.9g}" for x, y, z in part) + "\n").encode("ascii"))
+    write_lines(file, "%.9g %.9g %.9g", points)
     return len(points)
 
 

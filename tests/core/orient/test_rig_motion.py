@@ -13,8 +13,7 @@ from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, perturbed, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient import OrientOptions, drift_chart, expectation_of, find_motion, judged
-from core.orient.chance import stretch_of
-from core.orient.freedom import orientation_freedom
+from core.orient.freedom import orientation_freedom, stretch_of
 from core.orient.residuals import blocks_of, epipolar_residuals, of_middles
 
 Array = NDArray[np.float64]
