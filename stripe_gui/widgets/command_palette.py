@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QObject, QSize, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
-from PySide6.QtWidgets import QDialog, QLineEdit, QListWidget, QListWidgetItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QLineEdit, QListWidget, QListWidgetItem, QWidget
 
 from stripe_gui.actions import ActionSet
+from stripe_gui.widgets.layout import column, make
 
 
 class CommandPalette(QDialog):
@@ -19,22 +20,16 @@ class CommandPalette(QDialog):
         self.setWindowTitle(self.tr("Commands"))
         self.setAccessibleName(self.tr("Commands"))
         self._actions = actions
-        self.search = QLineEdit()
-        self.search.setPlaceholderText(self.tr("Search all commands"))
-        self.search.setAccessibleName(self.tr("Search all commands"))
+        search = self.tr("Search all commands")
+        self.search = make(QLineEdit, placeholderText=search, accessibleName=search)
         self.search.textChanged.connect(self._filter)
         self.search.returnPressed.connect(self._run)
         self.search.installEventFilter(self)
-        self.found = QListWidget()
-        self.found.setAccessibleName(self.tr("Commands found"))
-        self.found.setIconSize(QSize(18, 18))
+        self.found = make(QListWidget, accessibleName=self.tr("Commands found"), iconSize=QSize(18, 18))
         self.found.setUniformItemSizes(True)
         self.found.itemActivated.connect(lambda _item: self._run())
         self.found.itemClicked.connect(lambda _item: self._run())
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(12, 12, 12, 12)
-        layout.addWidget(self.search)
-        layout.addWidget(self.found)
+        self.setLayout(column(self.search, self.found, spacing=6, margins=(12, 12, 12, 12)))
         self.resize(620, 420)
         self.move(parent.mapToGlobal(parent.rect().center()) - self.rect().center())
         self._filter("")

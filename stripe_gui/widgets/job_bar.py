@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QSize, Qt
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QSizePolicy, QToolButton, QWidget
+from PySide6.QtWidgets import QProgressBar, QSizePolicy, QToolButton, QWidget
 
 from stripe_gui.assets import icon
 from stripe_gui.jobs import JobQueue
-from stripe_gui.widgets.layout import make
+from stripe_gui.widgets.layout import label, make, row
 
 
 class JobBar(QWidget):
@@ -16,21 +16,15 @@ class JobBar(QWidget):
     def __init__(self, queue: JobQueue) -> None:
         super().__init__()
         self._queue = queue
-        self.text = QLabel()
-        self.text.setTextFormat(Qt.TextFormat.PlainText)
+        self.text, self.left = label(), label("", "muted")
         self.bar = make(QProgressBar, maximum=1000, textVisible=False, accessibleName=self.tr("Progress"))
         self.bar.setFixedWidth(220)
-        self.left = QLabel()
-        self.left.setProperty("role", "muted")
         self.cancel = make(QToolButton, text=self.tr("Cancel"), icon=icon("stop"), iconSize=QSize(14, 14))
         self.cancel.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         self.cancel.setAccessibleName(self.tr("Cancel the running work"))
         self.cancel.clicked.connect(queue.cancel_all)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(8, 2, 4, 2)
-        layout.setSpacing(12)
-        for widget in (self.text, self.bar, self.left, self.cancel):
-            layout.addWidget(widget)
+        self.setLayout(row(self.text, self.bar, self.left, self.cancel))
+        self.setContentsMargins(8, 2, 4, 2)
         self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
         queue.changed.connect(self.show_queue)
         self.show_queue()

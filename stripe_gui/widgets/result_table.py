@@ -9,6 +9,7 @@ from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from core.report import Number, Table, cell_text
+from core.report.table import numeric_columns
 from stripe_gui.presenters.told import told
 from stripe_gui.widgets.layout import column, label, make
 
@@ -23,12 +24,12 @@ class TableModel(QAbstractTableModel):
     def __init__(self) -> None:
         super().__init__()
         self.table = EMPTY
-        self._numeric: list[bool] = []
+        self._numeric: tuple[bool, ...] = ()
 
     def show(self, table: Table) -> None:
         self.beginResetModel()
         self.table = table
-        self._numeric = [any(isinstance(row[i], Number) for row in table.rows) for i in range(len(table.columns))]
+        self._numeric = numeric_columns(table)
         self.endResetModel()
 
     def rowCount(self, parent: Index | None = None) -> int:  # noqa: N802

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QFrame, QWidget
 
 from core.model import Verdict
 from stripe_gui.presenters.told import sentence, told
-from stripe_gui.widgets.layout import column, label, row
+from stripe_gui.widgets.layout import column, emptied, label, row
 from stripe_gui.widgets.notice import COLOURS, Sign
 
 translate = QCoreApplication.translate
@@ -58,9 +58,7 @@ class VerdictList(QWidget):
         self.hide()
 
     def show_verdicts(self, verdicts: dict[str, Verdict]) -> None:
-        for box in self.boxes:
-            box.hide()
-            box.deleteLater()
+        emptied(self._rows)
         found = sorted(verdicts.items(), key=lambda item: ORDER.index(item[1].state))
         self.boxes = [VerdictBox(verdict, of) for of, verdict in found]
         for box in self.boxes:
