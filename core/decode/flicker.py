@@ -32,7 +32,7 @@ PRIOR = 0.1  # standard deviation of a frame's gain
 OUTLIER = 4.0  # standard deviations
 SIGNIFICANT = 6.0  # standard deviations of chi squared
 PHASES = 12  # parts of a period
-# of the gains that the light may leave unexplained: flicker of 1 to 12 % left 0.34 to 0.76, harmonics 0.92
+# of the gains that the light may leave unexplained: flicker of 1 to 12 % left 0.34 to 0.86, harmonics 0.92
 AGREE = 0.85
 SLIGHT = 0.003  # of the gain: less is not worth it
 
@@ -164,24 +164,34 @@ def _by(grey: Singles, solution: Array, patch: NDArray[np.intp], room: bool) -> 
         total = total + change if room else total * (1 + change)
     total = total + 1 - total.mean() if room else total / total.mean()
     both = (solution[1] + 1j * solution[2]).astype(np.complex64)
-    halves = np.array_split(grey, 2, axis=1)  # upper and lower: a frame that came late in some rows is no flicker
-    told = np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, both, total) for half in halves)
+    # upper and lower half: a frame that came late in some rows is no flicker
+    halves = zip(
+        *(np.array_split(each, 2, axis=1) for each in (grey, _to_steady(total, solution, room) @ grey)), strict=True
+    )
+    told = np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, steady, both, total) for half, steady in halves)
     return (total, float(unexplained[-1] - unexplained[0])) if told else (steady_light, 0.0)
 
 
-def _lit_so(grey: Singles, both: NDArray[np.complex64], gains: Array) -> bool:
+def _lit_so(grey: Singles, steady: Singles, both: NDArray[np.complex64], gains: Array) -> bool:
     """Whether the light of all pixels changes as the gains do: harmonics of the wave do not change it.
 
-    Every phase counts alike, so that fringes seen in part leave nothing. Gains of true flicker shift the phases that
-    this goes by, and take a part of their own light away.
+    True flicker shifts the phases that this goes by, and takes a part of its own light away. Where too much is gone,
+    light by the phases without flicker is nearer to the gains than this is to no change.
     """
-    mean = np.maximum(grey.mean(axis=0), 1)
-    phase = ((np.angle(np.einsum("f,fn->n", both, grey)) / (2 * np.pi) + 1) * PHASES).astype(int) % PHASES
+    light = _light(grey, grey, both)
+    plain = float(np.std(light - gains)) < AGREE * float(np.std(gains))
+    return plain or float(np.std(_light(grey, steady, both) - gains)) < float(np.std(light))
+
+
+def _light(grey: Singles, phased: Singles, both: NDArray[np.complex64]) -> Array:
+    """Light of the frames, 1 in the mean; every phase counts alike, so that fringes seen in part leave nothing."""
+    mean = np.maximum(phased.mean(axis=0), 1)
+    phase = ((np.angle(np.einsum("f,fn->n", both, phased)) / (2 * np.pi) + 1) * PHASES).astype(int) % PHASES
     count = np.bincount(phase, minlength=PHASES)
     light = np.array(
         [(np.bincount(phase, row / mean, PHASES) / np.maximum(count, 1))[count > 0].mean() for row in grey]
     )
-    return bool(np.std(light / light.mean() - gains) < AGREE * np.std(gains))
+    return np.asarray(light / light.mean())
 
 
 def _look(grey: Singles, solution: Array, block: NDArray[np.intp], room: bool = False) -> tuple[Array, bool, float]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import decode
-from core.decode.flicker import _look
+from core.decode.flicker import _lit_so, _look
 from core.patterns import Black, White, gray_and_phase, parse_sequence, reference_sequence
 
 N = 640
@@ -98,3 +98,15 @@ def test_a_curve_is_no_flicker_where_some_phases_are_seen_more_often(lamp: float
     change, significant, _ = _look(grey.astype(np.float32), solution, np.zeros(1000, int))
     assert significant == (lamp > 0)
     assert np.abs(1 + change - gains).max() < 0.01
+
+
+@pytest.mark.parametrize("lamp", [0.0, 1.0])
+def test_flicker_whose_light_its_shift_of_the_phases_hides_is_told_from_a_curve(lamp: float) -> None:
+    """Deep fringes: little of the lamp's change is left in the light by phases that it has shifted."""
+    rng, turns = np.random.default_rng(4), 2 * np.pi * np.arange(4) / 4
+    gains = 1 + np.array([-0.029, 0.043, 0.02, -0.034])
+    light = 0.5 + 0.5 * np.cos(rng.uniform(0, 2 * np.pi, 600) - turns[:, None])
+    grey = 15 + 150 * (light * gains[:, None] if lamp else light**1.6) + rng.normal(0, 1, light.shape)
+    solution = np.linalg.pinv(np.column_stack([np.ones(4), np.cos(turns), np.sin(turns)]))
+    both = (solution[1] + 1j * solution[2]).astype(np.complex64)
+    assert _lit_so(grey, grey / gains[:, None], both, gains) == (lamp > 0)
