@@ -6,6 +6,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from core.compiling import njit
 from core.lazy import dataclass
 from core.patterns import Pattern, brightness
 
@@ -117,39 +118,61 @@ def leave_one_out(fit: Fit, few: Numbers, limit: Array, tolerance: Array, rows: 
     values, weight = fit.values[:, few], fit.weight[:, None]
     whole = np.sum(weight * fit.possible**2, axis=0)[None, :] - 2 * ((weight * values).T @ fit.possible)
     whole += np.sum(weight * values**2, axis=0)[:, None]
+    near = np.float32(NEAR) + 4 * tolerance.astype(np.float32) ** 2
     bands = np.minimum(np.argsort(np.argsort(rows, kind="stable")) * _BANDS // len(few), _BANDS - 1)
     for seen, possible, own in zip(values, fit.possible, fit.weight, strict=True):
-        distance = whole - own * (seen[:, None] - possible[None, :]) ** 2  # the frame's own part is taken back
-        least = distance.min(axis=1)
-        clear, agrees = _bright_or_dark(seen, distance, possible)
-        sure, expected = _expected(distance, possible, least + NEAR + 4 * tolerance**2)
-        sure &= least <= limit
+        told: Array = np.empty((4, len(few)), np.float32)
+        best = np.empty(len(few), np.intp)
+        weigh_lines(whole, seen, possible, own, near, told, best)
+        bright, dark, low, high = told
+        least = np.minimum(bright, dark)
+        # where the lines that make the frame bright fit clearly better than the dark ones, or the reverse
+        clear = (np.abs(bright - dark) > CONTRADICTION) & (np.abs(seen - 0.5) > 0.15)
+        agrees = (seen > 0.5) == (bright < dark)
+        # where all lines that fit well enough agree about the frame
+        sure = (high - low < 0.35 * np.ptp(possible)) & (least <= limit)
+        expected: Array = (low + high) / 2
         parts = [np.ones(len(few), bool), *(bands == band for band in range(_BANDS))]
         judged, wrong = False, False
         for part in parts:
-            told, denied = _denied(part & clear, agrees)
+            known, denied = _denied(part & clear, agrees)
             alike, unlike = _unlike(seen, expected, tolerance, part & sure)
-            judged, wrong = judged or told or alike, wrong or denied or unlike
+            judged, wrong = judged or known or alike, wrong or denied or unlike
         result.share.append(float(np.mean(least > limit)))
         result.wrong.append(wrong)
         result.judged.append(judged)
-        result.best.append(np.argmin(distance, axis=1))
+        result.best.append(best)
     return result
 
 
-def _bright_or_dark(seen: Array, distance: Array, possible: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Where the lines that make a frame bright fit clearly better than the dark ones, or the reverse; and is it so?"""
-    bright, dark = (np.min(distance[:, part], axis=1, initial=np.inf) for part in (possible > 0.5, possible <= 0.5))
-    clear = (np.abs(bright - dark) > CONTRADICTION) & (np.abs(seen - 0.5) > 0.15)
-    return clear, (seen > 0.5) == (bright < dark)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
+def weigh_lines(
+    whole: Array, seen: Array, possible: Array, own: np.float32, near: Array, told: Array, best: Numbers
+) -> None:
+    """Weigh all lines (m,) for pixels (n,) by what the other frames say: all frames' distance (n, m), less `own` part.
 
-
-def _expected(distance: Array, possible: Array, enough: Array) -> tuple[NDArray[np.bool_], Array]:
-    """What the frame should be by all lines that fit well enough, and where these agree about it."""
-    near = distance <= enough[:, None]
-    low = np.min(np.where(near, possible[None, :], np.inf), axis=1)
-    high = np.max(np.where(near, possible[None, :], -np.inf), axis=1)
-    return high - low < 0.35 * np.ptp(possible), (low + high) / 2
+    told (4, n): least distance of lines on which the frame is bright, and of those where it is dark; lowest and highest
+    value on lines that are at most `near` (n,) above the least. best (n,): the first line of the least.
+    """
+    half, far = np.float32(0.5), np.float32(np.inf)
+    distance = np.empty(len(possible), np.float32)
+    for i in range(len(seen)):
+        bright, dark, low, high = far, far, far, -far
+        for j in range(len(possible)):
+            off = seen[i] - possible[j]
+            distance[j] = whole[i, j] - own * (off * off)
+            bright = min(bright, distance[j] if possible[j] > half else far)
+            dark = min(dark, far if possible[j] > half else distance[j])
+        least = min(bright, dark)
+        enough = least + near[i]
+        for j in range(len(possible)):
+            low = min(low, possible[j] if distance[j] <= enough else far)
+            high = max(high, possible[j] if distance[j] <= enough else -far)
+        j = 0
+        while j < len(possible) - 1 and distance[j] > least:
+            j += 1
+        best[i] = j
+        told[0, i], told[1, i], told[2, i], told[3, i] = bright, dark, low, high
 
 
 def _denied(clear: NDArray[np.bool_], agrees: NDArray[np.bool_]) -> tuple[bool, bool]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.capture.identity import identity
-from core.capture.lookup import LeftOut, leave_one_out
+from core.capture.lookup import LeftOut, leave_one_out, weigh_lines
 from core.capture.plan import Plan, guards_for
 from core.capture.quality import Sampled, sample_grid, summarise
 from core.devices import open_camera, open_projector
@@ -118,6 +118,20 @@ def test_the_finding_names_what_is_shown_instead() -> None:
     texts = [f.text for f in identity(stack.plan, stack.sampled(grey), stack.lines) if f.level == "bad"]
     step = "square step {} of 4, period 4 across columns"
     assert texts == [f"frame 10 claims {step.format(3)} and shows {step.format(2)}"]
+
+
+def test_lines_are_weighed_as_in_plain_arrays() -> None:
+    rng = np.random.default_rng(1)
+    whole, seen, possible, near = (rng.random(shape, np.float32) for shape in ((50, 300), 50, 300, 50))
+    told, best = np.empty((4, 50), np.float32), np.empty(50, np.intp)
+    for own in (np.float32(1), np.float32(0.5)):
+        weigh_lines(whole, seen, possible, own, near, told, best)
+        distance = whole - own * (seen[:, None] - possible) ** 2
+        fit = distance <= (distance.min(axis=1) + near)[:, None]
+        ends = np.where(fit, possible, np.inf).min(axis=1), np.where(fit, possible, -np.inf).max(axis=1)
+        parts = [distance[:, part].min(axis=1) for part in (possible > 0.5, possible <= 0.5)]
+        np.testing.assert_array_equal(told, [*parts, *ends])
+        np.testing.assert_array_equal(best, distance.argmin(axis=1))
 
 
 def test_what_nothing_repeats_is_listed_once(monkeypatch: pytest.MonkeyPatch) -> None:
