@@ -19,7 +19,7 @@ from core.capture.lookup import dictionary
 from core.errors import InputError
 from core.lazy import dataclass
 from core.numerics import distinct, quantile_of, quantiles
-from core.patterns import Axis, Pattern, axis_of, brightness, cycle_lines, describe, level_of, use_of
+from core.patterns import Axis, Code, Pattern, axis_of, brightness, cycle_lines, describe, level_of, use_of
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float32]
@@ -191,7 +191,29 @@ def _order(
     likely = [(search.runs(end, axis, turned), misfit, end) for misfit, end in ends if misfit <= enough]
     most = max(runs for runs, _, _ in likely)
     misfit, order = min(((misfit, end) for runs, misfit, end in likely if runs > most - ALIKE), key=lambda one: one[0])
+    for exchanges in 2 * _of_bits([patterns[i] for i in mine]):
+        other = order.copy()
+        for a, b in exchanges:
+            other[[a, b]] = other[[b, a]]
+        for group in (group for group in alike if like[group[0]][0] == "phase"):
+            other = search.turned(other, group)
+        if search.misfit(other) <= enough and search.unsteady(other) < search.unsteady(order):
+            misfit, order = search.misfit(other), other
     return misfit, {i: frames[k] for i, k in zip(mine, order, strict=True)}
+
+
+def _of_bits(patterns: Sequence[Pattern]) -> list[list[tuple[int, int]]]:
+    """Which frames to exchange to turn a bit of all numbers over, or to exchange two: the words are words again.
+
+    Only codes with inverse frames allow for that.
+    """
+    frames = {(p.bit, p.inverse): k for k, p in enumerate(patterns) if isinstance(p, Code)}
+    both = {
+        bit: (k, frames[bit, True]) for (bit, inverse), k in frames.items() if not inverse and (bit, True) in frames
+    }
+    gray = any(isinstance(p, Code) and p.kind == "gray" for p in patterns)  # a bit of the number is in two of the code
+    over = [[both[b] for b in (bit, bit + 1)[: 1 + gray] if b in both] for bit in sorted(both)]
+    return over + [[*zip(both[a], both[b], strict=True)] for a, b in combinations(sorted(both), 2)]
 
 
 @dataclass(frozen=True)
@@ -228,6 +250,17 @@ class _Search:
         power = np.sum(self.possible**2, axis=0)[None, :] + np.sum(seen**2, axis=0)[:, None]
         return np.asarray(power - 2 * (seen.T @ self.possible), np.float32)
 
+    def misfit(self, order: NDArray[np.intp]) -> float:
+        """How badly the pixels fit."""
+        return _misfit(self.distances(order))
+
+    def unsteady(self, order: NDArray[np.intp]) -> float:
+        """How far the lines are off a smooth course over the image: their mean deviation from a quadratic surface."""
+        found = self.lines[np.argmin(self.distances(order), axis=1)].astype(np.float64)
+        v, u = self.at / self.at.max()
+        A = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=1)
+        return float(np.mean(np.abs(found - A @ np.linalg.lstsq(A, found, rcond=None)[0])))
+
     def improve(self, order: NDArray[np.intp], alike: list[NDArray[np.intp]]) -> tuple[float, NDArray[np.intp]]:
         """Exchange frames as long as it helps: two at a time, and the steps of a period among themselves."""
         order = order.copy()
@@ -252,6 +285,14 @@ class _Search:
             if misfit > before - 1e-4:
                 break
         return misfit, order
+
+    def turned(self, order: NDArray[np.intp], group: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Put the steps of a period in the order among themselves that fits best."""
+        ways = [order]
+        for turn in self._turns(group):
+            ways.append(order.copy())
+            ways[-1][group] = order[turn]
+        return min(ways, key=self.misfit)
 
     def _turns(self, group: NDArray[np.intp]) -> list[NDArray[np.intp]]:
         if len(group) < 3:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from core.bench import experiment
 from core.capture.importing import import_frames, natural, sequence_of
 from core.capture.quality import noise_of_one
 from core.capture.recognise import recognise
@@ -352,3 +354,13 @@ def test_steps_whose_last_edge_lies_beyond_the_lines_are_put_in_order() -> None:
     found = recognise([images[k] for k in shuffled], patterns, LINES, "test")
     steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase)]
     assert [shuffled[found[k]] for k in steps] == steps
+
+
+def test_codes_with_inverses_are_put_in_order() -> None:
+    """A bit turned over, or two exchanged, makes words of the same code: the lines' course over a plane tells."""
+    patterns = parse_sequence("gray-inverse").patterns(LINES)
+    bench = experiment("quick", 3)
+    images = [image for _, image in bench.take(replace(bench.shot("plane+00"), patterns=patterns))]
+    shuffled = np.random.default_rng(4).permutation(len(patterns))
+    found = recognise([images[k] for k in shuffled], patterns, LINES, "test")
+    assert shuffled[found].tolist() == list(range(len(patterns)))
