@@ -16,7 +16,7 @@ SECTIONS = 80  # rows and columns in which the end of the light is looked for
 DARK_PX = 4  # beyond it
 OFTEN = 0.3  # of the sections must end at the same line
 BEYOND = 0.01  # of the pixels may lie there by mistake
-SHORT = 0.01  # of the lines, and 3 of them, that the light may end early by blur
+SHORT, LEAST = 0.01, 6  # of the lines, and so many: sine fringes fade by blur and end 5 lines early
 CURVED = 0.1  # of full light, by which a response is unlike another; captures tell theirs to a few hundredths
 APART = 0.01  # of the image, that its end must have moved from one scene to the other
 
@@ -64,7 +64,7 @@ def end_notes(ends: Mapping[str, Sequence[End]], projector: DeviceSpec, name: st
             if (
                 abs(line - other) < 2
                 and abs(at - place) > APART
-                and max(line, other) < lines - 1 - max(3, SHORT * lines)
+                and max(line, other) < lines - 1 - max(LEAST, SHORT * lines)
             ):
                 text = (
                     f"the projector's light ends at line {line} along {'xy'[axis]}, {word} is {lines}: correct {word} "

@@ -34,7 +34,7 @@ def test_the_end_of_the_light_is_found_and_nothing_else() -> None:
     assert light_end(seen(20, 1e9, edge=110)) is None  # an object that does not lie along the stripes
 
 
-@pytest.mark.parametrize(("width", "told"), [(160, False), (176, True), (200, True)])
+@pytest.mark.parametrize(("width", "told"), [(160, False), (165, False), (176, True), (200, True)])
 def test_a_projector_declared_too_wide_is_named(width: int, told: bool) -> None:
     spec = DeviceSpec(width, 160, (0.1, 0.1), 100.0)
     ends = {name: (light_end(seen(begin, 159)), None) for name, begin in (("plane+00", 20.0), ("plane+15", 40.0))}
