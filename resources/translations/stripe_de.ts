@@ -1375,8 +1375,8 @@
         <translation>Tabelle 3</translation>
     </message>
     <message>
-        <source>{n} planes evaluated.</source>
-        <translation>{n} Ebenen beurteilt.</translation>
+        <source>Planes evaluated: {n}.</source>
+        <translation>Beurteilte Ebenen: {n}.</translation>
     </message>
     <message>
         <source>{n} planes by {m} calibrations: </source>

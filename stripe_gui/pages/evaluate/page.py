@@ -87,7 +87,7 @@ class EvaluatePage(PartsPage):
         captures = len({e.capture for e in evaluations})
         if self.step.name == "choose" and self._view is not None:
             self.go_to("maps")
-        self.bench.notify("success", self.tr("{n} planes evaluated.").format(n=captures))
+        self.bench.notify("success", self.tr("Planes evaluated: {n}.").format(n=captures))
 
     def _take(self, view: EvaluationView | None) -> None:
         before = self._view
