@@ -23,7 +23,7 @@ def look_up(table: Floats, width: int, line: float) -> np.float32:
     return table[width, i] + f * (table[width, i + 1] - table[width, i])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fade_rows(
     first: int, last: int, u: Floats, v: Floats, gain: Floats, width: NDArray[np.uint8],
     window_u: Floats, window_v: Floats,
@@ -50,7 +50,7 @@ def add_lines(tables: Floats, width: int, line: float, out: Floats, at: int, cou
         out[at + p] += shown - 2 * out[at + p] * shown
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def expose_pixels(
     first: int, last: int, u: Floats, v: Floats, gain: Floats, width: NDArray[np.uint8],
     columns: Floats, rows: Floats, dark: float, weights: Floats, per_pixel: int, out: Floats,

@@ -12,7 +12,7 @@ from core.model import Array, Ints
 from core.parallel import run_in_bands
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _cofactor_band(  # pragma: no cover  compiled
     start: int,
     stop: int,

@@ -176,7 +176,7 @@ def cost_of(problem: Problem, state: State) -> float:
     return weighted_squares(problem, state, misclosures(problem, state))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _largest(device: Ints, root_weight: Array, J: Array, largest: Array) -> None:  # pragma: no cover  compiled
     for o in range(len(device)):
         for a in range(2):

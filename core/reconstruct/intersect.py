@@ -89,7 +89,7 @@ def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
     return lead, decoded[1] if len(decoded) == 2 else None
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _any_finite(values):  # type: ignore[no-untyped-def]
     """Whether there is a finite value; stops at the first one."""
     for r in range(values.shape[0]):
