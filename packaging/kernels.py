@@ -61,7 +61,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 from core.compiling.kept import read
-for kernel in sorted(Path(sys.argv[1]).iterdir()):
+for kernel in sorted(Path(sys.argv[1]).glob("*.kernel")):
     module, _, name = kernel.name.rpartition("-")[0].rpartition(".")
     getattr(import_module(module), name).compile(read(kernel).kinds)
 """,

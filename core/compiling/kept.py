@@ -11,12 +11,19 @@ import os
 import pickle
 import shutil
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from core.atomic import atomic_write
 from core.compiling.native import Native, processor
+
+try:
+    import fcntl
+except ImportError:  # not on this system
+    fcntl = None  # type: ignore[assignment]
 
 _KEPT_DAYS, _KEPT_BYTES = 60, 256_000_000
 _OWN = Path(__file__).parents[1]
@@ -69,6 +76,26 @@ def keep(name: tuple[str, str], native: Native) -> None:
                 file.write(pickle.dumps(tuple(native)))
         except Exception:
             return
+
+
+@contextmanager
+def compiled_by_one(name: tuple[str, str]) -> Iterator[None]:
+    """Let other processes that want this kernel wait until it is kept, where the file system has locks."""
+    folder, place = kernel_folder(), int(hashlib.sha256(name[0].encode()).hexdigest()[:15], 16)
+    if folder is None or fcntl is None:
+        yield
+        return
+    try:
+        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError:
+        yield
+        return
+    try:
+        with suppress(OSError):
+            fcntl.lockf(handle, fcntl.LOCK_EX, 1, place)  # a byte for every kernel, in a file of none
+        yield
+    finally:
+        os.close(handle)
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from ctypes import c_size_t
 from functools import cached_property, partial
 from threading import RLock
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from core.compiling.content import content
-from core.compiling.kept import find, keep, name_of
+from core.compiling.kept import compiled_by_one, find, keep, name_of
 from core.compiling.native import ALIGNED, WRITEABLE, C, F, Version, load
 from core.progress import announce
 
@@ -61,17 +62,18 @@ class Kernel:
     def _version(self, kinds: tuple[Any, ...]) -> Callable[..., Any]:
         with _BUILDING:
             if kinds not in self._versions:
-                self._versions[kinds] = self._found(kinds) or self._built(kinds)
+                self._versions[kinds] = self._kept(kinds) if self._cache else self._built(kinds)
             return self._versions[kinds]
 
-    def _found(self, kinds: tuple[Any, ...]) -> Version | None:
-        if not self._cache:
-            return None
-        try:
-            return load(find(name_of(self.name, self.made_from, kinds)))
-        except Exception:  # absent, cut off, or written by something else
-            announce("compiling for this processor, once")
-            return None
+    def _kept(self, kinds: tuple[Any, ...]) -> Callable[..., Any]:
+        name = name_of(self.name, self.made_from, kinds)
+        with suppress(Exception):  # absent, cut off, or written by something else
+            return load(find(name))
+        announce("compiling for this processor, once")
+        with compiled_by_one(name):
+            with suppress(Exception):  # another process was about it
+                return load(find(name))
+            return self._built(kinds)
 
     def _built(self, kinds: tuple[Any, ...]) -> Callable[..., Any]:
         from core.compiling.build import build, plain

@@ -126,6 +126,24 @@ def test_a_kept_kernel_runs_without_numba(tmp_path: Path) -> None:
     assert told_twice(program) == [[b"3.0", b"True"], [b"3.0", b"False"]]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="processes are not copied there")
+def test_of_two_processes_at_once_one_compiles(tmp_path: Path) -> None:
+    program = tmp_path / "copied.py"
+    program.write_text(
+        "import os, numba, numpy\n"
+        "from core.compiling import njit\n"
+        "@njit(cache=True)\n"
+        "def total(values): return values.sum()\n"
+        "for _ in range(2):\n"
+        "    if os.fork() == 0:\n"
+        "        os._exit(int(total(numpy.ones(3))) * 10 + total.compiled)\n"
+        "print(*sorted(os.waitstatus_to_exitcode(os.wait()[1]) for _ in range(2)))\n"
+    )
+    where = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run([sys.executable, program], check=True, env=where, capture_output=True)
+    assert done.stdout.split() == [b"30", b"31"]
+
+
 def test_kernels_brought_along_are_loaded_where_they_fit(tmp_path: Path) -> None:
     program = tmp_path / "brings.py"
     program.write_text(
