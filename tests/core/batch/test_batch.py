@@ -40,7 +40,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         subprocess.Popen(
             [*dask, "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0", *address], env=there
         ),
-        subprocess.Popen([*worker, "--nthreads", "2", "--no-dashboard", *address], env=there),
+        subprocess.Popen([*worker, "--nthreads", "2", "--no-nanny", "--no-dashboard", *address], env=there),
     ]
     try:
         until = time.monotonic() + 60

@@ -34,8 +34,7 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("kind", list(CHANGES))
-@pytest.mark.parametrize("first", [4, 7])
+@pytest.mark.parametrize(("kind", "first"), list(zip(CHANGES, (4, 7, 6), strict=True)))
 def test_the_capture_from_which_on_all_is_otherwise_is_named(simulate, kind, first):
     network = simulate(poses=10, rows=ROWS, cols=COLS, seed=first).network
     told = parted(changed(network, first, CHANGES[kind]), partial(explained, options=OPTIONS))

@@ -31,10 +31,16 @@ def without_code(*periods: float) -> list[Pattern]:
 
 
 @pytest.mark.parametrize(
-    ("cell", "period", "steps", "profile"),
-    [(4, 8.0, 4, "sine"), (8, 16.0, 3, "sine"), (5, 10.0, 5, "sine"), (2, 4.0, 4, "square")],
+    ("cell", "period", "steps", "profile", "gamma"),
+    [
+        (4, 8.0, 4, "sine", 2.2),
+        (8, 16.0, 3, "sine", 1.0),
+        (8, 16.0, 3, "sine", 2.2),
+        (5, 10.0, 5, "sine", 0.6),
+        (2, 4.0, 4, "square", 0.6),
+        (2, 4.0, 4, "square", 2.2),
+    ],
 )
-@pytest.mark.parametrize("gamma", [0.6, 1.0, 2.2])
 def test_phase_steps_half_a_line_off_are_named(
     cell: int, period: float, steps: int, profile: str, gamma: float
 ) -> None:
