@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +15,7 @@ import numpy as np
 from core.errors import InputError, TooLittleSeenError
 from core.fields import read_table
 from core.geometry import knows, pair_for, pair_of
+from core.lazy import dataclass
 from core.model import (
     Adjustment,
     Capture,
@@ -42,6 +44,79 @@ CLICKED_PX = 0.1  # sigma of a place in an image that a file gives without one
 VERSION = 6  # raise it where the same capture and calibration give other figures: what is kept is then found again
 
 
+class _Look:
+    """A capture looked at by one pair of devices after the other; each camera's frames are decoded once."""
+
+    def __init__(self, project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> None:
+        self.project, self.capture, self.calibration = project, capture, calibration
+        self._phases: dict[tuple[str, str], PhaseMap] = {}
+
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """Every camera with every projector, and every two calibrated cameras that took the same stripes."""
+        found = list(self.capture.pairs)
+        for projector in dict.fromkeys(p for _, p in found):
+            cameras = [c for c, p in found if p == projector and c in self.calibration.cameras]
+            found += [pair for pair in combinations(cameras, 2) if pair not in found]
+        return found
+
+    def chosen(self, camera: str, other: str, only_watched: bool) -> list[tuple[str, str]]:
+        """Those that names mean, "" for all. Of two cameras, which are only watched, either may be named."""
+        found = []
+        for one, two in self.pairs:
+            if other:
+                meant = other == two and camera in ("", one)
+            elif two in self.calibration.cameras:
+                meant = only_watched and camera in ("", one, two)
+            else:
+                meant = camera in ("", one)
+            found += [(one, two)] if meant else []
+        return found
+
+    def series(self, camera: str, other: str) -> tuple[Capture, ...]:
+        """The frames of a camera and a projector, or those of two cameras."""
+        if other not in self.calibration.cameras:
+            return (one_series(self.capture, camera, other),)
+        if other == (camera or self.capture.camera):
+            raise InputError(self.capture.name, f"{other} is to be held against itself", "name two devices")
+        both = [p for c, p in self.capture.pairs if c == (camera or self.capture.camera)]
+        projector = next((p for p in both if (other, p) in self.capture.pairs), "")
+        return one_series(self.capture, camera, projector), one_series(self.capture, other, projector)
+
+    def phase(self, series: Sequence[Capture], progress: Progress) -> PhaseMap:
+        """What these frames show of where a camera sees the lines of a projector, or the pixels of another camera."""
+        from core.reconstruct import seen_by_other
+
+        for i, each in enumerate(series):
+            if (each.camera, each.projector) not in self._phases:
+                part = progress.part(i / len(series), (i + 1) / len(series))
+                self._phases[each.camera, each.projector] = decode_series(each, self.project, part)
+        own, *others = (self._phases[each.camera, each.projector] for each in series)
+        return seen_by_other(own, others[0]) if others else own
+
+    def pair(self, series: Sequence[Capture]) -> Pair:
+        """The calibration of the two."""
+        if len(series) == 1:
+            return pair_for(series[0], self.calibration)
+        return pair_of(self.calibration, *(each.camera for each in series))
+
+    def kept(self, series: Sequence[Capture]) -> RigMotion | None:
+        """What was found before, if neither the frames nor the calibration have changed since."""
+        path = _drift(self.project, series)
+        try:
+            if read_head(path).get("made_from") == self.made_from(series):
+                return load_archive(path, RigMotion)
+        except InputError:
+            pass
+        return None
+
+    def made_from(self, series: Sequence[Capture]) -> dict[str, Any]:
+        """The contents of all that is found from."""
+        own, *others = (decoded_from(self.project, each) for each in series)
+        known = {"calibration": signature_of(self.pair(series)), "orient": VERSION}
+        return {**own, **known, **({"other": others[0]} if others else {})}
+
+
 def orient_capture(
     project: Project,
     name: str,
@@ -62,7 +137,8 @@ def orient_capture(
     name : str
         The capture: its name, or its folder.
     camera, projector : str
-        Which pair, where the capture holds frames of several.
+        Which pair, where the capture holds frames of several. In the projector's place may be another camera that took
+        the same stripes: the projector then only labels places, and need not be calibrated.
     correct : bool
         Keep the corrected orientation, for `reconstruct_capture(..., orient=True)`. The calibration stays as it is.
     keep : bool
@@ -78,30 +154,56 @@ def orient_capture(
     Raises
     ------
     InputError
-        If there is no photogrammetric calibration, or too few pixels have both projector coordinates.
+        If there is no photogrammetric calibration, or too few pixels have both projector coordinates; if of two cameras
+        more is wanted than whether they moved.
     """
+    calibration = photogrammetric_calibration(project)
+    look = _Look(project, find_capture(project, name), calibration)
+    how = _Wanted(correct, keep, significance, tuple(lengths), points)
+    return _orient(look, look.series(camera, projector), how, progress)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The options of `orient_capture`."""
+
+    correct: bool = False
+    keep: bool = True
+    significance: float = 1e-3
+    lengths: Sequence[KnownLength] = ()
+    points: Path | Literal["testfield"] | None = None
+
+    @property
+    def more(self) -> bool:
+        """Whether more is wanted than to know if anything has moved."""
+        return bool(self.correct or self.lengths or self.points)
+
+
+def _orient(look: _Look, series: Sequence[Capture], wanted: _Wanted, progress: Progress) -> RigMotion:
     from core.orient import OrientOptions, find_motion
 
+    significance, points, (capture, *others) = wanted.significance, wanted.points, series
     if not 0 < significance < 1:
         raise InputError("the significance", f"is {significance:g}", "give a share between 0 and 1, such as 0.001")
-    calibration = photogrammetric_calibration(project)
-    capture = one_series(find_capture(project, name), camera, projector)
-    phase = decode_series(capture, project, progress.part(0.0, 0.3))
+    if others and wanted.more:
+        seen = f"{capture.camera} and {others[0].camera} are two cameras, which are only watched"
+        raise InputError(capture.name, seen, "correct a camera and a projector, or calibrate again")
+    project = look.project
+    phase = look.phase(series, progress.part(0.0, 0.3))
     motion = find_motion(
         phase,
-        calibration,
-        lengths=[_between_targets(project, capture, length) for length in lengths],
+        look.pair(series),
+        lengths=[_between_targets(project, capture, length) for length in wanted.lengths],
         points=None if points is None else _known_points(project, capture, phase, points),
         capture=capture.name,
         options=OrientOptions(significance=significance),
         progress=progress.part(0.3, 1.0),
     )
-    pair = pair_for(capture, calibration)
     with suppress(InputError):  # a project that may only be read is judged all the same, and again the next time
-        if keep:
-            save_archive(_drift(project, capture), motion, _made_from(project, capture, pair))
-    if correct:
-        save_archive(_corrected(project, capture), (motion, signature_of(pair)))
+        if wanted.keep:
+            save_archive(_drift(project, series), motion, look.made_from(series))
+    if wanted.correct:
+        save_archive(_corrected(project, capture), (motion, signature_of(look.pair(series))))
     return motion
 
 
@@ -111,45 +213,52 @@ def orient_pairs(
     *,
     camera: str = "",
     projector: str = "",
+    correct: bool = False,
+    keep: bool = True,
     significance: float = 1e-3,
+    lengths: Sequence[KnownLength] = (),
+    points: Path | Literal["testfield"] | None = None,
     progress: Progress = SILENT,
-    **known: Any,
 ) -> tuple[list[RigMotion], dict[tuple[str, str], str]]:
-    """Say it of every camera and projector of a capture, or of those named; for the rest see `orient_capture`.
+    """Say it of every two devices of a capture, or of those named; for the rest see `orient_capture`.
 
     Returns
     -------
     found : list of RigMotion
     untold : dict
-        By (camera, projector) why nothing can be told of others; where nothing can be told of any, that is raised.
+        By (camera, projector or other camera) why nothing can be told of others; where nothing can be told of any, that
+        is raised.
     """
-    capture = find_capture(project, name)
-    pairs = [pair for pair in capture.pairs if camera in ("", pair[0]) and projector in ("", pair[1])]
-    if not pairs or (known.get("lengths") and len({pair[0] for pair in pairs}) > 1):
-        one_series(capture, camera, projector)  # places are in one camera's image
     calibration = photogrammetric_calibration(project)
+    look = _Look(project, find_capture(project, name), calibration)
+    wanted = _Wanted(correct, keep, significance, tuple(lengths), points)
+    pairs = look.chosen(camera, projector, only_watched=not wanted.more)
+    if not pairs or (lengths and len({pair[0] for pair in pairs}) > 1):
+        one_series(look.capture, camera, projector)  # places are in one camera's image
     found: list[RigMotion] = []
-    known_pairs = [pair for pair in pairs if knows(calibration, *pair)] or pairs[:1]  # of which what lacks is said
+    known_pairs = [pair for pair in pairs if _knows(calibration, *pair)] or pairs[:1]  # of which what lacks is said
     because = f"the calibration in use is of {', '.join(calibration.devices)} alone"
-    untold = {pair: because for pair in pairs if pair not in known_pairs}
-    for i, (one, other) in enumerate(known_pairs):
+    untold = {pair: because for pair in pairs if pair not in known_pairs} if calibration.projectors else {}
+    wanted = replace(wanted, significance=significance / len(known_pairs))
+    for i, pair in enumerate(known_pairs):
         part = progress.part(i / len(known_pairs), (i + 1) / len(known_pairs))
-        share = significance / len(known_pairs)
         try:
-            found.append(
-                orient_capture(project, name, camera=one, projector=other, significance=share, progress=part, **known)
-            )
+            found.append(_orient(look, look.series(*pair), wanted, part))
         except TooLittleSeenError as error:
-            untold[one, other] = error.seen
-            if not found and (one, other) == known_pairs[-1]:
+            untold[pair] = error.seen
+            if not found and pair == known_pairs[-1]:
                 raise
     return found, untold
+
+
+def _knows(calibration: PhotogrammetricCalibration, camera: str, other: str) -> bool:
+    return {camera, other} <= set(calibration.devices) or knows(calibration, camera, other)
 
 
 def drift_of(
     project: Project, *, significance: float = 1e-3, kept: bool = False, progress: Progress = SILENT
 ) -> dict[tuple[str, str], tuple[DriftPoint, ...]]:
-    """Make the control chart of every camera and projector, from all captures of the project in their order.
+    """Make the control chart of every two devices, from all captures of the project in their order.
 
     What a capture shows is kept, and found again only where its frames or the calibration have changed; `kept` looks at
     nothing else. Captures with one axis, or of too little, are left out.
@@ -161,24 +270,14 @@ def drift_of(
     captures = all_captures(project)
     for i, capture in enumerate(captures):
         progress(i / len(captures), f"looking at {capture.name}")
-        for series in capture.series:
-            if {series.camera, series.projector} <= set(calibration.devices):
-                motion = kept_motion(project, series, calibration)
-                motion = motion or (None if kept else _motion_if_seen(project, series))
-                motions.setdefault((series.camera, series.projector), []).extend([motion] if motion else [])
+        look = _Look(project, capture, calibration)
+        for pair in look.pairs:
+            if set(pair) <= set(calibration.devices):
+                series = look.series(*pair)
+                motion = look.kept(series) or (None if kept else _motion_if_seen(look, series))
+                motions.setdefault(pair, []).extend([motion] if motion else [])
     options = OrientOptions(significance=significance)
     return {pair: drift_chart(found, pair_of(calibration, *pair), options) for pair, found in motions.items() if found}
-
-
-def kept_motion(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> RigMotion | None:
-    """Give what one pair's frames of a capture showed, if neither they nor the calibration have changed since."""
-    path = _drift(project, capture)
-    try:
-        if read_head(path).get("made_from") == _made_from(project, capture, pair_for(capture, calibration)):
-            return load_archive(path, RigMotion)
-    except InputError:
-        pass
-    return None
 
 
 def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> Pair:
@@ -280,15 +379,11 @@ def _known_points(
     return KnownPoints(xyz[use], cov[use], seen[use], seen_cov[use])
 
 
-def _motion_if_seen(project: Project, capture: Capture) -> RigMotion | None:
+def _motion_if_seen(look: _Look, series: Sequence[Capture]) -> RigMotion | None:
     try:
-        return orient_capture(project, str(capture.path), camera=capture.camera, projector=capture.projector)
+        return _orient(look, series, _Wanted(), SILENT)
     except InputError:  # one axis, too few pixels, or frames that do not decode
         return None
-
-
-def _made_from(project: Project, capture: Capture, pair: Pair) -> dict[str, Any]:
-    return {**decoded_from(project, capture), "calibration": signature_of(pair), "orient": VERSION}
 
 
 def signature_of(pair: Pair) -> str:
@@ -298,13 +393,14 @@ def signature_of(pair: Pair) -> str:
 
 
 def _corrected(project: Project, capture: Capture) -> Path:
-    return result_path(project, "orientations") / _file_name(project, capture)
+    return result_path(project, "orientations") / _file_name(project, (capture,))
 
 
-def _drift(project: Project, capture: Capture) -> Path:
-    return result_path(project, "drift") / _file_name(project, capture)
+def _drift(project: Project, series: Sequence[Capture]) -> Path:
+    return result_path(project, "drift") / _file_name(project, series)
 
 
-def _file_name(project: Project, capture: Capture) -> str:
-    of = "" if project.rig.is_pair else f".{capture.camera}-{capture.projector}"
-    return f"{capture.name}{of}.npz"
+def _file_name(project: Project, series: Sequence[Capture]) -> str:
+    own, *others = series
+    of = "" if project.rig.is_pair else f".{own.camera}-{others[0].camera if others else own.projector}"
+    return f"{own.name}{of}.npz"

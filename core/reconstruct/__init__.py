@@ -4,6 +4,7 @@
 * `intersect` forward intersection by the photogrammetric calibration, from 4 or 3 observations;
 * `joint` intersection from all cameras and projectors that saw a point;
 * `epipolar` where it starts without a calibrated projector; `light_planes` which of these places are another surface's;
+* `correspondence` where another camera sees what a camera sees, by the same stripes;
 * `stations` a rig moved between captures as one rig; `overlaps` the mean of what its stations see;
 * `texture` points without code, matched in the images of two cameras; its kernels in `matching`;
 * `system` what of a photogrammetric calibration is prepared once: camera rays and projection along a ray;
@@ -16,6 +17,7 @@ A camera pixel is where it is: its centre has no error, so a point lies on its p
 u and v, which carry the phase noise, say how far along.
 """
 
+from core.reconstruct.correspondence import seen_by_other
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
 from core.reconstruct.joint import Sight, intersect_all, merged
 from core.reconstruct.points import reconstruct
@@ -24,5 +26,5 @@ from core.reconstruct.texture import fill_by_texture
 
 __all__ = [
     "EXPORTERS", "Sight", "at_stations", "exporter_for", "fill_by_texture", "intersect_all", "joined", "merged",
-    "reconstruct", "write_npz", "write_ply",
+    "reconstruct", "seen_by_other", "write_npz", "write_ply",
 ]  # fmt: skip

@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import Capture, DriftPoint, Project
-from core.pipeline import motion_words, orient_capture
+from core.pipeline import motion_words, orient_pairs
 from core.pipeline.orient_words import ACTION, WARNING
 from core.progress import SILENT, Progress
 from core.report import Number, Table
@@ -87,16 +87,14 @@ class Health:
 
 
 def health_of(project: Project, capture: Capture, progress: Progress = SILENT) -> Health:
-    """Look whether projector and camera stand as they were calibrated, by the frames of one camera and projector.
+    """Look whether projectors and other cameras stand as they were calibrated, by the frames of one camera.
 
     Nothing is kept: whoever looks at a capture changes no report.
     """
-    camera, projector = capture.camera, capture.projector
     try:
-        motion = orient_capture(
-            project, capture.name, camera=camera, projector=projector, keep=False, progress=progress
-        )
+        motions, _ = orient_pairs(project, capture.name, camera=capture.camera, keep=False, progress=progress)
     except InputError as error:
         return Health("info", sentence(error.seen))
+    motion = min(motions, key=lambda motion: motion.p)
     first, *more = map(sentence, motion_words(motion))
     return Health("error" if motion.moved else "success", first, "\n".join(more))

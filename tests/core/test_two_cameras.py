@@ -332,6 +332,13 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     assert set(figures["pairs"]) == {"left-projector", "right-projector"}
     assert figures["moved"] is any(pair["moved"] for pair in figures["pairs"].values()) is False
     assert figures["untold"] == {}
+    assert main(["orient", str(project.path), "plane+15", "--json", str(out)]) == 0
+    figures = json.loads(out.read_text())
+    assert set(figures["pairs"]) == {"left-projector", "right-projector", "left-right"}
+    assert figures["moved"] is False
+    two = ["orient", str(project.path), "plane+15", "--camera", "left", "--projector"]
+    assert main([*two, "right", "--correct"]) == 2  # cameras are only watched
+    assert main([*two, "left"]) == 2
     words = ["reconstruct", str(project.path), "plane+15", "--orient", "--camera", "right"]
     assert main([*words, "--out", str(tmp_path / "right.npz")]) == 0
     assert main([*words[:-2], "--out", str(tmp_path / "left.npz")]) == 0  # of the first, where none is named
@@ -359,7 +366,8 @@ def test_a_camera_of_one_axis_keeps_no_other_pair_from_being_watched(
     assert main([*words, "--json", str(out)]) == 0
     figures = json.loads(out.read_text())
     assert set(figures["pairs"]) == {"left-projector"}
-    assert figures["untold"] == {"right-projector": "no pixels have both projector coordinates"}
+    none = "no pixels have both projector coordinates"
+    assert figures["untold"] == {"right-projector": none, "left-right": none}
     assert "projector against right cannot be judged" in capsys.readouterr().out
     assert main([*words, "--camera", "right"]) == 2
 
@@ -390,9 +398,13 @@ def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_pa
         assert row["n"] > 30_000
         assert 0.7 < row["rms_mm"] / row["predicted_rms_mm"] < 1.05
     capsys.readouterr()
-    for command in (["orient", str(folder), "plane+00"], ["uncertainty", str(folder)]):
-        assert main(command) == 2
-        assert "is of left and right; no projector is calibrated" in capsys.readouterr().err
+    assert main(["uncertainty", str(folder)]) == 2
+    assert "is of left and right; no projector is calibrated" in capsys.readouterr().err
+    assert main(["orient", str(folder), "plane+00", "--json", str(tmp_path / "o.json")]) == 0
+    assert capsys.readouterr().out.startswith("plane+00: ")
+    watched = json.loads((tmp_path / "o.json").read_text())
+    assert (watched["camera"], watched["projector"]) == ("left", "right")
+    assert watched["corrected_rms"] < 1.1
     out = tmp_path / "points.npz"
     for camera in ("left", "right"):
         _, cloud = reconstruct_capture(read_project(folder), "plane+00", camera=camera)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from core.errors import InputError, NoCoordinateError
-from core.geometry import image_to_pixel, lens_of, pixel_to_image, ray_directions
+from core.geometry import image_to_pixel, lens_of, pair_of, pixel_to_image, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
-from core.reconstruct import Sight, intersect_all
+from core.orient import find_motion
+from core.reconstruct import Sight, intersect_all, seen_by_other
 from core.reconstruct.light_planes import off_their_planes
 from tests.core.reconstruct import test_joint as joint
 
@@ -109,6 +110,41 @@ def test_labels_alone_tell_where_both_cameras_look(axes: str, left: Bent, right:
     # elsewhere, at outlines and where one camera sees something else, nothing is made up
     assert np.mean(np.abs(error[made]) > 8 * cloud.sigma_depth_mm[made]) < 2e-4
     assert np.abs(error[made]).max() < 3.0
+
+
+@pytest.mark.parametrize("right", [RIGHT, FINER, turned(RIGHT, 2.0)])
+def test_places_in_the_other_camera_need_no_calibration(right: Bent) -> None:
+    phases = seen("uv", LEFT, right)
+    found = seen_by_other(*phases)
+    X = LEFT.centre + LEFT.rays() * joint.truth(LEFT, SURFACES)[..., None]
+    place = right.image(X)
+    error = np.stack([found.u, found.v], axis=-1) - place
+    made = np.isfinite(error).all(axis=-1)
+    both = ((place > AWAY) & (place < [right.spec.width - AWAY, right.spec.height - AWAY])).all(axis=-1)
+    both &= np.isfinite(phases[0].u) & (
+        np.min([s(right.centre, X - right.centre) for s in SURFACES], axis=0) > 1 - 1e-6
+    )
+    assert made[both].mean() > 0.95
+    z = (error / np.stack([found.sigma_u, found.sigma_v], axis=-1))[made]
+    assert 0.75 < np.sqrt(np.mean(np.clip(z, -8, 8) ** 2)) < 1.0
+    assert np.mean(np.abs(z) > 8) < 1e-3
+    assert (found.camera, found.projector) == ("left", "right")
+
+
+@pytest.mark.parametrize(("angle", "moved"), [(0.0, False), (2e-4, True)])
+def test_two_cameras_are_watched_under_a_projector_that_may_move(angle: float, moved: bool) -> None:
+    """The lamp, which the calibration does not know, stands elsewhere each time; the right camera has turned or not."""
+    known, right = cameras(), turned(RIGHT, angle)
+    lamps = [BETWEEN, ABOVE, turned(ABOVE, 0.9), turned(BETWEEN, 0.3)]
+    looks = [
+        find_motion(seen_by_other(*seen("uv", LEFT, right, lamp)), pair_of(known, "left", "right")) for lamp in lamps
+    ]
+    assert [look.moved for look in looks] == [moved] * len(lamps)
+    if moved:
+        for look in looks:
+            off = look.rotation_rad - [0, 0, angle]
+            assert np.abs(off / np.sqrt(look.covariance.diagonal()[:3])).max() < 4
+            assert look.residual_rms > 1.1 * look.corrected_rms
 
 
 def test_labels_as_noisy_as_a_pixel_is_wide_have_points() -> None:
