@@ -36,6 +36,7 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
     _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _AGAIN = "record or copy this frame again"
 
+_JPEG, _EXIF = b"\xff\xd8", b"eXIf"
 _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _TURNED = 256, 257, 258, 259, 274  # tags of TIFF
 _FURTHER = 0  # no tag: the size in px of a second picture in the file
 _UNREADABLE = {34925: "LZMA", 50000: "Zstandard", 50001: "WebP", 50002: "JPEG XL", 34712: "JPEG 2000"}
@@ -232,10 +233,13 @@ def _plain_pixels(data: bytearray) -> Image | None:
 
 
 def _claimed(data: bytes | bytearray) -> dict[int, int]:
-    """Read what the header of a PNG or TIFF file claims, by TIFF's tags: width, height, bits, compression."""
+    """Read what the header of a PNG, TIFF or JPEG file claims, by TIFF's tags: width, height, bits, compression."""
     try:
         if data.startswith(_PNG):
-            return dict(zip((_WIDTH, _HEIGHT, _BITS), struct.unpack_from(">IIB", data, 16), strict=True))
+            claimed = zip((_WIDTH, _HEIGHT, _BITS), struct.unpack_from(">IIB", data, 16), strict=True)
+            return _exif(data, _EXIF) | dict(claimed)
+        if data.startswith(_JPEG):
+            return _exif(data, b"Exif\0\0")
         order = {b"II*\0": "<", b"MM\0*": ">"}.get(bytes(data[:4]))
         if order is None:
             return {}
@@ -249,6 +253,13 @@ def _claimed(data: bytes | bytearray) -> dict[int, int]:
     except struct.error:
         return {}
     return said
+
+
+def _exif(data: bytes | bytearray, mark: bytes) -> dict[int, int]:
+    """Read how a camera was held, by what follows the mark of its notes: the head of a TIFF file."""
+    at = data.find(mark)
+    said = _claimed(data[at + len(mark) :]) if at >= 0 else {}
+    return {_TURNED: said[_TURNED]} if _TURNED in said else {}
 
 
 def _tags(data: bytes | bytearray, order: str, at: int) -> dict[int, int]:
@@ -268,7 +279,7 @@ def _check_claimed(path: Path, data: bytes | bytearray, shape: tuple[int, int] |
     said = _claimed(data)
     claimed = said.get(_HEIGHT, 0), said.get(_WIDTH, 0)
     if said.get(_TURNED, 1) != 1:  # the camera was tilted, or rows are stored from below: no telling
-        seen = f"is a TIFF to be turned or mirrored before it is shown (orientation {said[_TURNED]})"
+        seen = f"is an image to be turned or mirrored before it is shown (orientation {said[_TURNED]})"
         raise InputError(path, seen, "store frames as the camera reads them, with orientation 1")
     if said.get(_FURTHER, 0) >= max(claimed[0] * claimed[1], 1):  # a smaller one is a preview
         raise InputError(path, "is a TIFF of several images", "store every frame in a file of its own")
@@ -295,7 +306,7 @@ def _check_png(path: Path, data: bytearray) -> bytearray:
             break
         if zlib.crc32(view[at + 4 : stop - 4]) != struct.unpack_from(">I", data, stop - 4)[0]:
             raise InputError(path, f"the PNG is damaged at byte {at} (wrong checksum)", _AGAIN)
-        if kind[:1].isupper():  # critical, by the format
+        if kind[:1].isupper() or kind == _EXIF:  # critical, by the format, or how the camera was held
             said.append(view[at:stop])
         else:
             others += 1

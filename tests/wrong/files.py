@@ -111,6 +111,19 @@ def tiffs(**options: Any) -> Change:
     return write
 
 
+def exif(begin: str, orientation: int) -> Change:
+    """Say in the first frame how the camera was held."""
+
+    def write(folder: Path) -> None:
+        path = folder / "captures" / begin / "000.png"
+        image = Image.open(path)
+        said = image.getexif()
+        said[274] = orientation
+        image.save(path, exif=said)
+
+    return write
+
+
 def link(to: str) -> Change:
     def write(folder: Path) -> None:
         path = next(p for p in sorted((folder / FIRST).iterdir()) if p.suffix != ".json")
@@ -218,6 +231,7 @@ FILES: dict[str, tuple[Change, str | None]] = {
     "bar from a target to itself": (on("scale", "to", to=lambda v: [6, 0]), "scale"),
     "bar to a target that is not there": (on("scale", "to", to=lambda v: [77, 0]), "77"),
     "bar's end as text": (on("scale", "to", to=lambda v: "0,8"), "scale"),
+    "bar's end between two rows": (on("scale", "to", to=lambda v: [0.5, v[1]]), "scale: to: row is 0.5"),
     "bar's length negative": (on("scale", "length_mm", to=lambda v: -v), "length_mm"),
     "bar's sigma 0": (on("scale", "sigma_mm", to=lambda v: 0), "sigma_mm"),
     "a capture with another case": (on("captures", 0, to=str.upper), "TESTFIELD-01"),
@@ -259,6 +273,7 @@ FILES: dict[str, tuple[Change, str | None]] = {
     "images as JPEG": (images(lambda i: i, ".jpg"), None),
     "images of 32-bit floats": (images(lambda i: i.astype(np.float32), ".tiff"), r"000\.tiff"),
     "TIFF that asks to be turned": (tiffs(tiffinfo={274: 3}), r"000\.tif.*orientation 3"),
+    "PNG that asks to be turned": (exif("testfield-01", 6), r"000\.png.*orientation 6"),
     "TIFF of two images": (tiffs(save_all=True, append_images=[Image.new("L", (320, 240))]), r"000\.tif.*several"),
     "images turned by 90°": (images(lambda i: np.ascontiguousarray(np.rot90(i))), r"000\.png.*\d+ ?[x×] ?\d+"),
     "images of half the size": (images(lambda i: i[::2, ::2].copy()), r"000\.png.*\d+ ?[x×] ?\d+"),

@@ -12,6 +12,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from core.errors import InputError
 from core.project import read_image, write_image
+from core.project.images import check_frame
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
@@ -52,6 +53,19 @@ def test_a_tiff_that_asks_to_be_turned_is_refused(turn: int, kind: type, tmp_pat
     Image.fromarray(GREY.astype(kind)).save(tmp_path / "a.tif", tiffinfo={274: turn})
     with pytest.raises(InputError, match=f"orientation {turn}"):
         read_image(tmp_path / "a.tif", GREY.shape)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg"])
+def test_other_images_that_ask_to_be_turned_are_refused(name: str, tmp_path: Path) -> None:
+    said = Image.Exif()
+    said[274] = 1
+    Image.fromarray(GREY).save(tmp_path / name, exif=said)
+    check_frame(tmp_path / name, GREY.shape)
+    said[274] = 6
+    Image.fromarray(GREY).save(tmp_path / name, exif=said)
+    for read in (read_image, check_frame):
+        with pytest.raises(InputError, match="orientation 6"):
+            read(tmp_path / name, GREY.shape)
 
 
 def test_a_tiff_of_several_frames_is_refused_and_a_preview_is_none(tmp_path: Path) -> None:
