@@ -77,7 +77,7 @@ def _checked(field: Testfield) -> Board:
             where,
             f"targets row {field.row[i]}, col {field.col[i]} and row {field.row[j]}, col {field.col[j]} "
             f"are {distance[i]:.3g} mm apart and overlap",
-            "correct their coordinates",
+            "correct their coordinates or diameter_mm",
         )
     flat, has_front = _in_its_plane(xyz, where)
     return Board(

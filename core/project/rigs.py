@@ -156,10 +156,18 @@ def _interior_to_dict(lens: Lens, interior: Interior, sigma: tuple[float, ...]) 
 
 def read_bar(bar: Fields) -> ScaleBar:
     """Read a measured distance between two targets."""
-    ends = [(round(a), round(b)) for a, b in (bar.pair("from"), bar.pair("to"))]
+    ends = [_target(bar, key) for key in ("from", "to")]
     if ends[0] == ends[1]:
         raise bar.refuse("to", list(ends[1]), "name two different targets")
     return ScaleBar(ends[0], ends[1], *read_length(bar))
+
+
+def _target(bar: Fields, key: str) -> tuple[int, int]:
+    ends = bar.items(key)
+    if len(ends) != 2:
+        raise bar.refuse(key, ends, "give row and column of a target")
+    target = Fields(dict(zip(("row", "col"), ends, strict=True)), f"{bar.where}: {key}")
+    return target.integer("row"), target.integer("col")
 
 
 def read_length(bar: Fields) -> tuple[float, float]:

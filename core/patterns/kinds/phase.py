@@ -10,6 +10,8 @@ from core.fields import Fields
 from core.lazy import dataclass
 from core.patterns.kinds.kind import LONGEST, Array, Axis, Kind, Numbers, read_axis
 
+MOST_STEPS = 4096  # of one period: no capture has so many frames
+
 
 @dataclass(frozen=True)
 class Phase:
@@ -25,7 +27,7 @@ class Phase:
 
 
 def _read(fields: Fields) -> Phase:
-    axis, steps = read_axis(fields), fields.integer("steps", 3)
+    axis, steps = read_axis(fields), fields.integer("steps", 3, MOST_STEPS)
     step = fields.integer("step", 0, steps - 1)
     shift = fields.real("shift_rad", default=2 * np.pi * step / steps)
     profile = fields.text("profile", default="sine", among=("square", "sine"))

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from core.errors import InputError
 from core.figures import photogrammetric_figures
 from core.geometry import camera_for
 from core.model import (
@@ -33,7 +34,12 @@ ADJUSTMENT = "adjustment.npz"
 
 
 def _look(project: Project, captures: list[Capture]) -> Look:
-    common_testfield(captures)  # refused before anything is decoded
+    known = common_testfield(captures).index()  # refused before anything is decoded
+    bars = [("scale", project.scale), *((f"lengths, entry {i}", bar) for i, bar in enumerate(project.lengths))]
+    for where, end in ((where, end) for where, bar in bars if bar is not None for end in (bar.start, bar.stop)):
+        if end not in known:
+            seen = f"names target row {end[0]}, col {end[1]}, which the testfield has not"
+            raise InputError(f"{project.path / 'project.json'}: {where}", seen, "name two targets of the testfield")
     return look_at_boards(project, captures)
 
 

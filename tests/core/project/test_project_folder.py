@@ -140,6 +140,7 @@ def test_a_slip_in_a_key_is_told_and_another_programs_key_is_not(folder: Path) -
         ({"projector": {"width": 40, "height": 30, "pitch_mm": [1, 1], "nominal_c_mm": "long"}}, "'long'"),
         ({"scale": {"from": [0, 0], "to": [0, 0], "length_mm": 9, "sigma_mm": 1}}, "two different"),
         ({"scale": {"from": [0, 0], "to": [0, 1], "length_mm": -9, "sigma_mm": 1}}, "length_mm is -9"),
+        ({"scale": {"from": [0.5, 0], "to": [0, 1], "length_mm": 9, "sigma_mm": 1}}, "scale: from: row is 0.5"),
         (
             {"scale": {"from": [0, 0], "to": [0, 1], "length_mm": 190, "sigma_mm": 50}},
             "sigma_mm is 50.0; length_mm is 190",
