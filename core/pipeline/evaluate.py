@@ -5,17 +5,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from core.errors import AdjustmentError, InputError, NoCoordinateError
 from core.figures import evaluation_figures
-from core.geometry import knows
+from core.geometry import knows, pair_of
 from core.model import (
     Calibration,
     Capture,
     Method,
+    Pair,
     PhaseMap,
     PhotogrammetricCalibration,
     PlaneEvaluation,
@@ -127,9 +129,10 @@ def _judge(
                 if len(intersectable(together, calibration)) > 1:
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
                     by = TOGETHER if calibration.projectors else CAMERAS
+                    said = () if calibration.projectors else _said_of_cameras(capture, together, calibration)
                     for camera, cloud in clouds.items():
                         whole = united([p for p in together if p.camera == camera])
-                        found.append(_judged(capture, whole, name, calibration, cloud, (), by))
+                        found.append(_judged(capture, whole, name, calibration, cloud, said, by))
             del seen[capture.name]
     if not found:
         devices = {n for c in calibrations.values() for n in getattr(c, "devices", ())}
@@ -244,11 +247,25 @@ def _judged(
     return replace(row, devices=(phase.camera, by)), calibration_rms(cloud), said
 
 
-def _moved(phase: PhaseMap, calibration: Calibration, capture: str) -> tuple[str, ...]:
-    """Say whether camera and projector see a plane off each other's epipolar lines."""
+def _said_of_cameras(
+    capture: Capture, phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibration
+) -> tuple[str, ...]:
+    """What a capture says of itself where the projector only labels places; elsewhere its pairs have said it."""
+    from core.reconstruct import seen_by_other
+
+    said = [*capture.notes, *(note for phase in phases for note in phase.notes)]
+    for own, other in combinations(phases, 2):
+        if own.projector == other.projector and {own.camera, other.camera} <= set(calibration.devices):
+            pair = pair_of(calibration, own.camera, other.camera)
+            said += _moved(seen_by_other(own, other), pair, capture.name)
+    return tuple(said)
+
+
+def _moved(phase: PhaseMap, calibration: Calibration | Pair, capture: str) -> tuple[str, ...]:
+    """Say whether two devices see a plane off each other's epipolar lines."""
     from core.orient import find_motion
 
-    if not isinstance(calibration, PhotogrammetricCalibration):
+    if not isinstance(calibration, PhotogrammetricCalibration | Pair):
         return ()
     try:
         motion = find_motion(phase, calibration, capture=capture)
@@ -259,9 +276,9 @@ def _moved(phase: PhaseMap, calibration: Calibration, capture: str) -> tuple[str
     if not motion.moved or motion.residual_rms < OFF_EPIPOLAR * motion.corrected_rms:
         return ()
     return (
-        f"camera and projector do not see it as they were calibrated: epipolar residuals of {motion.residual_rms:.2g} "
-        f"where noise leaves {motion.corrected_rms:.2g} (p = {motion.p:.1g}): one of them moved since, or the frames "
-        "are shifted or of another rig; see `stripe-core orient`, or calibrate again",
+        f"{phase.camera} and {phase.projector} do not see it as they were calibrated: epipolar residuals of "
+        f"{motion.residual_rms:.2g} where noise leaves {motion.corrected_rms:.2g} (p = {motion.p:.1g}): one of them "
+        "moved since, or the frames are shifted or of another rig; see `stripe-core orient`, or calibrate again",
     )
 
 

@@ -422,3 +422,22 @@ def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_pa
     assert main(["status", str(folder), "--json", str(tmp_path / "s.json")]) == 0
     states = json.loads((tmp_path / "s.json").read_text())["stages"]
     assert (states["calibrate"]["state"], states["evaluate"]["state"]) == ("current", "current")
+    turn_second_camera(stereo, 2e-3)
+    assert main([*words, "--cameras", "left", "right"]) == 0
+    assert main(["evaluate", str(folder), "--json", str(tmp_path / "e.json")]) == 0
+    for row in json.loads((tmp_path / "e.json").read_text())["planes"]:
+        assert row["verdict"]["state"] != "passed"
+        assert "left and right do not see it as they were calibrated" in str(row["verdict"])
+
+
+def turn_second_camera(stereo: Path, angle: float) -> None:
+    """Rewrite the file of a stereo calibration as if the second camera were rolled by an angle."""
+    read = cv2.FileStorage(str(stereo), cv2.FILE_STORAGE_READ)
+    nodes = {key: read.getNode(key) for key in read.root().keys()}  # noqa: SIM118  no dict
+    values = {key: node.mat() if node.isMap() else int(node.real()) for key, node in nodes.items()}
+    read.release()
+    roll = cv2.Rodrigues(np.array([0.0, 0.0, angle]))[0]
+    write = cv2.FileStorage(str(stereo), cv2.FILE_STORAGE_WRITE)
+    for key, value in values.items():
+        write.write(key, roll @ value if key in ("R", "T") else value)
+    write.release()
