@@ -157,6 +157,10 @@ def captures_for(project: Project, method: Method, options: CalibrateOptions) ->
     if not any(found.values()):
         seen, remedies = zip(*(m.none for m in asked.values()), strict=True)
         raise InputError(project.path, ", ".join(seen), ", or ".join(remedies))
+    for name in asked.keys() - found.keys():
+        if idle := [c.name for c in captures if METHODS[name].uses(c)]:
+            told = "left out: %s: a %s needs %d such captures"
+            logging.getLogger(__name__).warning(told, ", ".join(idle), METHODS[name].title, METHODS[name].least)
     return found
 
 
