@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -19,6 +21,14 @@ ACROSS = np.linalg.svd(NORMAL[None])[2][1:]  # two directions in the plate
 FINE, SIGMA, DEPTH_SIGMA = 7, 1.5, 0.04  # samples a pixel each way; grey values; mm of Z
 
 
+@cache
+def plate() -> np.ndarray:
+    """Where the rays of all samples meet it."""
+    u, v = ((np.arange(n * FINE) - (FINE - 1) / 2) / FINE for n in (SPEC.width, SPEC.height))
+    rays = ray_directions(SPEC, CAMERA.interior, np.stack(np.meshgrid(u, v), axis=-1))
+    return rays * (NORMAL @ MIDDLE / (rays @ NORMAL))[..., None]
+
+
 def seen(
     centre: np.ndarray,
     radius: float,
@@ -34,11 +44,7 @@ def seen(
     Through the hole a wall is seen, where light that came through it lies so far beside, mm.
     """
     h, w = SPEC.height, SPEC.width
-    sub = (np.arange(FINE) - (FINE - 1) / 2) / FINE
-    u, v = (np.arange(n)[:, None] + sub for n in (w, h))
-    pixels = np.stack(np.meshgrid(u.ravel(), v.ravel()), axis=-1)
-    rays = ray_directions(SPEC, CAMERA.interior, pixels)
-    points = rays * (NORMAL @ MIDDLE / (rays @ NORMAL))[..., None]
+    points = plate()
     away = (points - centre) @ ACROSS.T
     strip = np.minimum(-away[..., 0], away[..., 0] + strip_mm)
     depth = strip if half else radius - np.hypot(*np.moveaxis(away, -1, 0))  # mm within the edge
@@ -48,10 +54,8 @@ def seen(
     if wall_mm:
         light = np.where(inside & (np.hypot(away[..., 0] - wall_mm, away[..., 1]) < radius), 190.0, light)
     light = cv2.GaussianBlur(light, (0, 0), blur_px * FINE) if blur_px else light
-    for axis in (0, 1) if not blur_px else ():  # optics: two boxes of 1.1 px, a blur that is no Gaussian
-        for _ in range(2):
-            box = np.ones(int(1.1 * FINE) | 1) / (int(1.1 * FINE) | 1)
-            light = np.apply_along_axis(np.convolve, axis, light, box, "same")
+    for _ in range(2) if not blur_px else ():  # optics: two boxes of 1.1 px, a blur that is no Gaussian
+        light = cv2.blur(light, (int(1.1 * FINE) | 1,) * 2, borderType=cv2.BORDER_CONSTANT)
     image = light.reshape(h, FINE, w, FINE).mean(axis=(1, 3))
     samples = (inside if mark else ~inside).reshape(h, FINE, w, FINE)
     decoded = np.broadcast_to(half, (h, w)) | samples.all(axis=(1, 3))
