@@ -217,8 +217,7 @@ def _orient(
     for plane in planes:
         if plane.targets is None or testfield is None:
             continue
-        names = zip(plane.targets.row, plane.targets.col, strict=True)
-        found = [(i, places[(int(r), int(c))]) for i, (r, c) in enumerate(names) if (int(r), int(c)) in places]
+        found = [(i, places[key]) for i, key in enumerate(plane.targets.keys) if key in places]
         rows = np.array(found, dtype=np.int64).reshape(-1, 2)
         known = np.isfinite(plane.targets.camera_uv[rows[:, 0]]).all(axis=-1)
         rows = rows[known]

@@ -99,7 +99,7 @@ def network_from_targets(
 
 def _points_of(targets: TargetSet, index: Mapping[tuple[int, int], int]) -> np.ndarray:
     """Position in the testfield of every target of a capture."""
-    keys = [(int(r), int(c)) for r, c in zip(targets.row, targets.col, strict=True)]
+    keys = targets.keys
     for key in keys:
         if key not in index:
             raise InputError(f"capture {targets.capture}", f"has target {key}", "name targets of its testfield only")

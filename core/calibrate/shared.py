@@ -71,7 +71,7 @@ def _observations(network: Network, targets: TargetSet, capture: str) -> tuple[I
     """Numbers of every target's observations by camera and projector, shape (n, 2), and whether they were adjusted."""
     known = np.zeros((len(targets.row), 2), bool)
     rows = np.zeros(known.shape, np.int64)
-    target = {key: i for i, key in enumerate(zip(targets.row.tolist(), targets.col.tolist(), strict=True))}
+    target = {key: i for i, key in enumerate(targets.keys)}
     of_point = np.array([target.get((p.row, p.col), -1) for p in network.point_ids])
     pairs = (targets.camera, targets.projector), (targets.projector, targets.camera)
     for s, station in enumerate(network.station_ids):

@@ -70,7 +70,7 @@ def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list
 
 def _nowhere(board: Testfield, sets: Sequence[TargetSet], spacing: float) -> list[str]:
     """Tell targets that no capture has, and that the file has beside their row and column, where the others are not."""
-    seen = {key for t in sets for key in zip(t.row.tolist(), t.col.tolist(), strict=True)}
+    seen = {key for t in sets for key in t.keys}
     off = _off_grid(board)
     size = np.linalg.norm(off, axis=1)
     if len(size) < LEAST or median_of(size) > EVEN * spacing:

@@ -77,7 +77,7 @@ def repeated_targets(sets: Sequence[TargetSet]) -> list[Concern]:
     for a, b in combinations(sets, 2):
         if (a.camera, a.projector) != (b.camera, b.projector):
             continue
-        keys = [[*zip(t.row.tolist(), t.col.tolist(), strict=True)] for t in (a, b)]
+        keys = a.keys, b.keys
         index = {key: k for k, key in enumerate(keys[1])}
         first = np.array([k for k, key in enumerate(keys[0]) if key in index], np.int64)
         if len(first) < LEAST_COMMON:
@@ -179,7 +179,7 @@ def _size(t: TargetSet, board: Testfield | None) -> float | None:
     """Seen over nominal diameter, by the affinity from the board to the image."""
     if board is None or board.kind != "dots" or len(t.row) < DOTS:
         return None
-    at = [board.index()[key] for key in zip(t.row.tolist(), t.col.tolist(), strict=True)]
+    at = [board.index()[key] for key in t.keys]
     A = np.column_stack([board.xyz_mm[at, :2] - board.xyz_mm[at, :2].mean(axis=0), np.ones(len(at))])
     area = abs(np.linalg.det(np.linalg.lstsq(A, t.camera_uv, rcond=None)[0][:2]))
     return float(np.median(t.diameter_px / board.diameter_mm[at]) / np.sqrt(area)) if area > 0 else None

@@ -67,7 +67,7 @@ def rejected_of(
     left = dict(zip(network.station_names, count.tolist(), strict=True))
     gross, lonely = {}, {}
     for t in targets:
-        names = [f"{r}/{c}" for r, c in zip(t.row.tolist(), t.col.tolist(), strict=True)]
+        names = [f"{r}/{c}" for r, c in t.keys]
         camera = np.asarray(np.isfinite(t.camera_uv).all(axis=1))
         projected = np.asarray(np.isfinite(t.projector_uv).any(axis=1))
         for device, other, seen in ((t.camera, t.projector, camera), (t.projector, t.camera, camera & projected)):

@@ -148,7 +148,7 @@ def foreign_concerns(seen: Plates) -> list[Concern]:
 
 def nominal_of(adjustment: Adjustment, board: Testfield) -> Array:
     """Nominal places of the adjusted points, (n, 3); NaN where a name is not of this board."""
-    index = {f"{r}/{c}": i for i, (r, c) in enumerate(zip(board.row, board.col, strict=True))}
+    index = {f"{r}/{c}": i for i, (r, c) in enumerate(board.keys)}
     rows = [index.get(name, -1) for name in adjustment.network.point_names]
     return np.where(np.array(rows)[:, None] >= 0, board.xyz_mm[rows], np.nan)
 

@@ -54,7 +54,7 @@ def see_plates(
     used = [t for t in targets if t.capture in z_mm and len(t.row) >= LEAST]
     at, keep = [], []
     for i, t in enumerate(used):
-        place = [index.get(key, -1) for key in zip(t.row.tolist(), t.col.tolist(), strict=True)]
+        place = [index.get(key, -1) for key in t.keys]
         at += [(i, k) for k in place if k >= 0]
         keep.append(np.array(place) >= 0)
 
@@ -100,11 +100,10 @@ def pose_plates(
     index = board.index()
     names, z, xyz = [], [], []
     for t in targets:
-        keys = list(zip(t.row.tolist(), t.col.tolist(), strict=True))
-        use = np.asarray(np.array([key in index for key in keys], bool) & np.isfinite(t.camera_uv).all(axis=1))
+        use = np.asarray(np.array([key in index for key in t.keys], bool) & np.isfinite(t.camera_uv).all(axis=1))
         if use.sum() < LEAST:
             continue
-        nominal = board.xyz_mm[[index[key] for key, used in zip(keys, use.tolist(), strict=True) if used]]
+        nominal = board.xyz_mm[[index[key] for key, used in zip(t.keys, use.tolist(), strict=True) if used]]
         tangents = ray_directions(spec, interior, t.camera_uv[use])[:, :2] * (1.0, -1.0)
         found, rotation, shift = cv2.solvePnP(nominal, np.ascontiguousarray(tangents), np.eye(3), None)
         if found:

@@ -64,7 +64,7 @@ def _checked(field: Testfield) -> Board:
         if diameter[i] <= 0:
             raise InputError(where, f"{name} has diameter {diameter[i]} mm", "give the dot's diameter in mm")
     index: dict[tuple[int, int], int] = {}
-    for i, key in enumerate(zip(field.row.tolist(), field.col.tolist(), strict=True)):
+    for i, key in enumerate(field.keys):
         if key in index:
             raise InputError(where, f"target row {key[0]}, col {key[1]} stands there twice", "remove one of the two")
         index[key] = i

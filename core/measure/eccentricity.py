@@ -120,7 +120,7 @@ def recentred(
     projector's coordinates move with the centres at which they are read.
     """
     index = testfield.index()
-    at = [index[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)]
+    at = [index[key] for key in targets.keys]
     if not at:
         return targets
     view = View(camera, camera_from_board)

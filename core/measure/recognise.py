@@ -90,7 +90,6 @@ def labellings(testfield: Testfield, where: str = "testfield.csv") -> tuple[Labe
 def unmeasured(testfield: Testfield, capture: str, why: str) -> TargetSet:
     """Give the result of a capture that tells nothing: all targets are missing, for one reason."""
     none, pairs = np.zeros(0, np.int64), np.zeros((0, 2))
-    every = zip(testfield.row.tolist(), testfield.col.tolist(), strict=True)
-    missing = tuple(MissingTarget(row, col, why) for row, col in every)
+    missing = tuple(MissingTarget(row, col, why) for row, col in testfield.keys)
     empty = TargetSet(capture, none, none, pairs, np.zeros((0, 2, 2)), pairs, pairs, pairs, np.zeros(0), missing)
     return replace(empty, gradient=np.zeros((0, 2, 2)))

@@ -81,7 +81,7 @@ def measured_view(testfield: Testfield, camera: DeviceSpec, targets: TargetSet) 
     None for fewer than four targets, and where they lie on one line.
     """
     index = testfield.index()
-    at = [index[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)]
+    at = [index[key] for key in targets.keys]
     start = first_view(camera, testfield.xyz_mm[at], targets.camera_uv) if len(at) >= 4 else None
     if start is None or len(at) < 6:
         return start

@@ -195,7 +195,7 @@ class _Deviations:
 
 def _deviations(targets: TargetSet, field: Testfield) -> _Deviations | None:
     index = field.index()
-    at = np.array([index[key] for key in zip(targets.row.tolist(), targets.col.tolist(), strict=True)], np.int64)
+    at = np.array([index[key] for key in targets.keys], np.int64)
     if len(at) < FEWEST:
         return None
     board = board_from_testfield(field)

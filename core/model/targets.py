@@ -37,13 +37,18 @@ class Testfield:
     kind: str = "dots"  # one of core.measure.TARGET_KINDS
     estimator: str = "centroid"  # of a dot's centre, one of core.measure.ESTIMATORS
 
+    @property
+    def keys(self) -> list[tuple[int, int]]:
+        """(row, col) of every target."""
+        return [*zip(self.row.tolist(), self.col.tolist(), strict=True)]
+
     def index(self) -> Mapping[tuple[int, int], int]:
         """Position in the arrays of every (row, col)."""
         return self._index
 
     @cached_property
     def _index(self) -> dict[tuple[int, int], int]:
-        return {key: i for i, key in enumerate(zip(self.row.tolist(), self.col.tolist(), strict=True))}
+        return {key: i for i, key in enumerate(self.keys)}
 
     def side_seen(self, seeds: Sequence[Seed]) -> Literal["front", "back"]:
         """From which side of the nominal coordinates' XY plane picks show the board."""
@@ -96,6 +101,11 @@ class TargetSet:
     response: Array | None = None
     gaps: float | None = None
     told: bool = False
+
+    @property
+    def keys(self) -> list[tuple[int, int]]:
+        """(row, col) of every target."""
+        return [*zip(self.row.tolist(), self.col.tolist(), strict=True)]
 
     @property
     def row_cov(self) -> Array:

@@ -332,12 +332,11 @@ def _between_targets(project: Project, capture: Capture, length: KnownLength) ->
     if length.kind != TARGETS:
         return length
     seen = _targets(project, capture)
-    names = [(int(r), int(c)) for r, c in zip(seen.row, seen.col, strict=True)]
     ends = []
     for row, col, _ in length.ends:
-        if (int(row), int(col)) not in names:
+        if (int(row), int(col)) not in seen.keys:
             raise InputError(capture.name, f"target {row:g},{col:g} was not measured", "choose two that were")
-        k = names.index((int(row), int(col)))
+        k = seen.keys.index((int(row), int(col)))
         ends.append((float(seen.camera_uv[k, 0]), float(seen.camera_uv[k, 1]), max(2.0, seen.diameter_px[k] / 2)))
     return replace(length, kind="points", ends=(ends[0], ends[1]))
 
@@ -370,7 +369,7 @@ def _known_points(
         seen[k], seen_cov[k] = [*places[k], *lines], np.diag([clicked[k], clicked[k], *sigma]) ** 2
     if not np.isfinite(places).all():
         targets = _targets(project, capture)
-        index = {f"{r}/{c}": i for i, (r, c) in enumerate(zip(targets.row, targets.col, strict=True))}
+        index = {f"{r}/{c}": i for i, (r, c) in enumerate(targets.keys)}
         for k in np.flatnonzero(~np.isfinite(places).all(axis=1)):
             if names[k] in index:
                 i = index[names[k]]

@@ -148,7 +148,7 @@ def board_sheet(
 def _checked(testfield: Testfield) -> float:
     """Refuse what no sheet can show; give the distance of neighbours, mm."""
     xyz, diameter = testfield.xyz_mm, testfield.diameter_mm
-    name = [f"row {r}, col {c}" for r, c in zip(testfield.row, testfield.col, strict=True)]
+    name = [f"row {r}, col {c}" for r, c in testfield.keys]
     if len(name) < 2:
         raise InputError("testfield", f"{len(name)} target", "a testfield needs at least 4")
     if (height := float(np.ptp(xyz[:, 2]))) > FLAT_MM:

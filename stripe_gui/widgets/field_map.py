@@ -109,8 +109,7 @@ class FieldMap(QWidget):
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.fillRect(self.rect(), QColor(colours.surface))
         if self._field is not None:
-            targets = zip(self._field.row.tolist(), self._field.col.tolist(), strict=True)
-            for target, (x, y) in zip(targets, self.positions().tolist(), strict=True):
+            for target, (x, y) in zip(self._field.keys, self.positions().tolist(), strict=True):
                 self._draw(painter, target, QPointF(x, y))
         painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
         painter.setBrush(Qt.BrushStyle.NoBrush)

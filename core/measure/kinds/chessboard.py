@@ -343,8 +343,7 @@ def _quadrants(grey: NDArray[np.uint8], uv: Array, arms: Array) -> list[Array]:
 
 def _inwards(board: Board) -> Array:
     """Signs (n, 2) of board X and Y from each corner into its tag."""
-    own = zip(board.row.tolist(), board.col.tolist(), strict=True)
-    other = [board.index.get((r ^ 1, c ^ 1), i) for i, (r, c) in enumerate(own)]
+    other = [board.index.get((r ^ 1, c ^ 1), i) for i, (r, c) in enumerate(board.index)]
     return np.asarray(np.where(board.xyz_mm[other, :2] < board.xyz_mm[:, :2], -1.0, 1.0))
 
 

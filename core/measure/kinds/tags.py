@@ -78,8 +78,7 @@ def _in_rows(testfield: Testfield) -> tuple[Array, tuple[Array, ...], float]:
 
 def _framed_mm(board: Board) -> Array:
     """Radius on the board within which a tag's corner has its frame on one side and its gap on the others."""
-    own = zip(board.row.tolist(), board.col.tolist(), strict=True)
-    other = [board.index.get((r ^ 1, c), i) for i, (r, c) in enumerate(own)]
+    other = [board.index.get((r ^ 1, c), i) for i, (r, c) in enumerate(board.index)]
     side = np.linalg.norm(board.xyz_mm[other] - board.xyz_mm, axis=1)
     return np.asarray(np.minimum(FRAMED * side, 1.6 * board.radius_mm))
 

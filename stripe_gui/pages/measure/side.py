@@ -80,7 +80,7 @@ class SidePanel(QWidget):
     def show_target(self, model: Picking, view: PickingView) -> None:
         measurement = model.measured(model.image)
         found = measurement.targets if measurement else None
-        measured = set(zip(found.row.tolist(), found.col.tolist(), strict=True)) if found is not None else set()
+        measured = set(found.keys) if found is not None else set()
         state = MapState(model.wanted, set(model.picked), measured, set(model.picks.excluded), model.target)
         self.map.show_field(model.field, state)
         if model.target in view.targets:

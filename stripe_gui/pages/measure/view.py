@@ -116,11 +116,10 @@ def _measured_marks(
     camera: DeviceSpec,
 ) -> tuple[Marks, dict[Target, tuple[float, float]]]:
     index = model.field.index()
-    found = list(zip(targets.row.tolist(), targets.col.tolist(), strict=True))
-    residual = targets.camera_uv - view.project(model.field.xyz_mm[[index[t] for t in found]])
+    residual = targets.camera_uv - view.project(model.field.xyz_mm[[index[t] for t in targets.keys]])
     length = float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))) if len(residual) else 0.0
     factor = round_factor(camera.width * VECTOR_SHARE / length) if length > 0 else 1.0
-    places = places | {t: (float(u), float(v)) for t, (u, v) in zip(found, targets.camera_uv, strict=True)}
+    places = places | {t: (float(u), float(v)) for t, (u, v) in zip(targets.keys, targets.camera_uv, strict=True)}
     unused = {(m.row, m.col) for m in targets.missing} - set(model.picks.excluded)
     missing = np.array([places[t] for t in sorted(unused) if t in places and _inside(places[t], camera)]).reshape(-1, 2)
     made = Marks(
@@ -171,7 +170,7 @@ def _rows(
     fates = {t: fates[t] for t in sorted(fates, key=lambda t: (t not in model.picks.excluded, t))}
     if targets is not None:
         measured = translate("Picking", "measured")
-        fates |= {t: measured for t in zip(targets.row.tolist(), targets.col.tolist(), strict=True) if t not in fates}
+        fates |= {t: measured for t in targets.keys if t not in fates}
     values = _values(targets) if targets is not None else {}
     rows = tuple((Number(t[0], "d"), Number(t[1], "d"), text, *values.get(t, NO_VALUES)) for t, text in fates.items())
     return tuple(fates), Table("", columns, rows)
@@ -183,8 +182,8 @@ def _values(targets: TargetSet) -> dict[Target, tuple[Cell, ...]]:
     columns = (*targets.camera_uv.T, sigma, *targets.projector_uv.T)
     specs = (".3f", ".3f", ".4f", ".3f", ".3f")
     return {
-        (int(r), int(c)): tuple(Number(float(x[i]), spec) for x, spec in zip(columns, specs, strict=True))
-        for i, (r, c) in enumerate(zip(targets.row, targets.col, strict=True))
+        target: tuple(Number(float(x[i]), spec) for x, spec in zip(columns, specs, strict=True))
+        for i, target in enumerate(targets.keys)
     }
 
 
