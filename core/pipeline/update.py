@@ -117,10 +117,8 @@ def _calibrate(project: Project, states: ProjectStates, progress: Progress) -> s
     due = [m for m, (state, _) in Graph(project).calibrations.items() if state.state in DUE]
     if not due:
         return ""
-    for i, method in enumerate(due if len(due) == 1 else ["all"]):
-        part = progress.part(i / len(due), (i + 1) / len(due))
-        calibrate_project(project, method, chosen_options(project), part)
-    return f"{' and '.join(due)}"
+    calibrate_project(project, due[0] if len(due) == 1 else "all", chosen_options(project), progress)
+    return " and ".join(due)
 
 
 def chosen_options(project: Project) -> CalibrateOptions:

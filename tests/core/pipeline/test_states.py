@@ -372,6 +372,18 @@ def test_what_stopped_an_update_is_its_state_until_something_changes(whole: Path
     assert states(whole)["calibrate"] == "outdated"
 
 
+def test_calibrating_by_all_methods_is_reported_to_its_end(quick: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from core.pipeline import update
+    from core.progress import Progress
+
+    told: list[tuple[float, str]] = []
+    progress = Progress(lambda fraction, message: told.append((fraction, message)))
+    monkeypatch.setattr(update, "calibrate_project", lambda _, method, options, progress: progress(1.0, method))
+    project = read_project(quick)
+    update._calibrate(project, project_states(project), progress)
+    assert told == [(1.0, "all")]
+
+
 def test_an_update_that_was_stopped_goes_on_where_it_was(quick: Path) -> None:
     from core.errors import Cancelled
     from core.progress import Progress
