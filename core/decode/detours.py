@@ -238,7 +238,7 @@ def _levels(
         edge = (place + 0.5) / run - (0.5 if table.gray else 0.0)
         clear = np.abs(edge - np.rint(edge)) * run > AWAY * _period(table) + ASIDE
         groups[n] = np.where(fit & clear & (np.abs(1 - np.abs(levels[n])) < NO_LEVEL), soft > 0, -1)
-        noise += spread[2 + b] * _variance(limits, threshold + soft) / len(chosen)
+        noise += spread[2 + b] * limits.variance(threshold + soft) / len(chosen)
     return levels, groups, np.asarray(noise / np.square(contrast), np.float32)
 
 
@@ -266,7 +266,3 @@ def _within(own: Singles, other: Singles, groups: Groups) -> Singles:
         mean = (own * mine).sum(axis=0) / np.maximum(np.count_nonzero(mine, axis=0), 1).astype(np.float32)
         product += ((own - mean) * other * mine).sum(axis=0)
     return product
-
-
-def _variance(limits: Limits, level: Singles) -> Singles:
-    return np.asarray(np.maximum(limits.dark + limits.shot * level, limits.floor))

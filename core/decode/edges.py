@@ -44,7 +44,7 @@ def sigma_of_edges(
         np.copyto(told, 2 * np.maximum(share, np.float32(LEAST_REACH)), where=edges)
         rest -= share
     told = np.where(np.isnan(told), np.maximum(rest, np.float32(LEAST_REST)), told)
-    dim = modulation < NOISY * np.sqrt(np.maximum(limits.dark + limits.shot * image, limits.floor))
+    dim = modulation < NOISY * np.sqrt(limits.variance(image))
     if dim.any():
         every = np.maximum(sums(finite), 1)
         around = np.where(number / every < FEW, np.sqrt(sums(np.where(finite, cells, 0) ** 2) / every), 1)

@@ -91,7 +91,7 @@ def draw_back(
     run_in_bands(look, height)
     found.sort()
     there = np.concatenate([at[a:b] for a, b in found]), np.concatenate([pull[a:b] for a, b in found])
-    grey = np.maximum(limits.dark + limits.shot * light.ravel()[there[0]], limits.floor)
+    grey = limits.variance(light.ravel()[there[0]])
     noise = np.sqrt(scale * grey) / (unit * modulation.ravel()[there[0]] + TINY)
     footprint, doubt = _footprint(place, sigma, *there, noise)
     print_of, unsure = F(footprint), F(np.hypot(UNSURE * footprint, doubt))

@@ -39,7 +39,7 @@ def late_frames(
     """
     grey = sample.reshape(len(sample), len(rows), -1)
     differ = np.abs(np.diff(grey, axis=0)).mean(axis=2)
-    noise = np.sqrt(np.maximum(limits.dark + limits.shot * grey.mean(axis=2), limits.floor))
+    noise = np.sqrt(limits.variance(grey.mean(axis=2)))
     alike = differ < ALIKE * USUAL * noise[1:]
     low, high = grey.min(axis=0), grey.max(axis=0)
     lit = high - low > CLEAR * noise.max(axis=0)[:, None]

@@ -73,7 +73,7 @@ def notes_on(
     if missing.mean() <= MANY:
         return ()
     contrast = sample.max(axis=0) - sample.min(axis=0)
-    noise = np.sqrt(_variance(limits, contrast))
+    noise = np.sqrt(limits.variance(contrast))
     lit = contrast > LIT * noise
     if lit.mean() > NOWHERE and missing[lit].mean() <= 1 - PROMISED:
         return ()
@@ -117,17 +117,13 @@ def _lit_by_means(images: Sequence[Image], sample: Singles, noise: Array) -> NDA
     return np.asarray(np.ptp(means, axis=0) > LIT * noise / BLOCK)
 
 
-def _variance(limits: Limits, level: Singles) -> Singles:
-    return np.asarray(np.maximum(limits.dark + limits.shot * level, limits.floor), np.float32)
-
-
 def _excess(images: Sequence[Image], limits: Limits) -> float:
     """How many times as large as in the smoothest frame the noise was taken to be: standard deviations, 1 or more."""
     rows = slice(len(images[0]) // 32, None, max(1, len(images[0]) // 16))
     least = 1.0
     for image in images:
         residual, level = spatial_residual(image[rows].astype(np.float32))
-        expected = _variance(limits, level.astype(np.float32))
+        expected = limits.variance(level.astype(np.float32))
         tells = (image[rows, 1:-1] < limits.saturation) & (level > CLIPPED * np.sqrt(expected))
         if np.count_nonzero(tells) > FEWEST:
             seen = np.maximum(np.square(residual[tells]), limits.floor * MEDIAN_OF_SQUARE)

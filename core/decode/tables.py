@@ -67,6 +67,10 @@ class Limits(NamedTuple):
     bit_margin: np.float32
     misfit: np.float32
 
+    def variance(self, level: Singles) -> Singles:
+        """Give the noise's variance at grey values, same shape."""
+        return np.asarray(np.maximum(self.dark + self.shot * level, self.floor), np.float32)
+
 
 class AxisTable(NamedTuple):
     """What the kernel needs to know about one axis.

@@ -32,8 +32,7 @@ class Expectation:
 def expectation_of(pair: Pair, options: OrientOptions = DEFAULT) -> Expectation:
     """Give what is known before the first capture: the calibration's covariance, and how far rigs may have drifted."""
     free = orientation_freedom(pair, options)
-    drifted = free.directions @ np.diag(free.drift**2) @ free.directions.T
-    return Expectation(np.zeros(len(pair.covariance)), pair.covariance + drifted)
+    return Expectation(np.zeros(len(pair.covariance)), pair.covariance + free.covariance)
 
 
 def judged(motion: RigMotion, before: Expectation, options: OrientOptions = DEFAULT) -> tuple[DriftPoint, Expectation]:

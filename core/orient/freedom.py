@@ -39,6 +39,11 @@ class Freedom:
     moves: Array  # (6, f), rotation and shift of the projector in the camera's frame
     drift: Array  # (f,), standard deviation of what is expected
 
+    @property
+    def covariance(self) -> Array:
+        """Of the pair's parameters (k, k) by what is expected."""
+        return np.asarray(self.directions @ np.diag(self.drift**2) @ self.directions.T)
+
 
 def motion_of(pair: Pair) -> Array:
     """From changes of the pair's parameters to rotation and shift of the projector in the camera's frame, (6, k)."""

@@ -205,7 +205,7 @@ def _judged(scene: _Scene, turned: _Turned, five: Freedom, free: Freedom, every:
     p = significance_of(shown.x, shown.noise + shown.carried @ C @ shown.carried.T, tiles)
     gain = estimate.carried
     left = np.eye(len(C)) - free.directions @ gain
-    drifted = C + free.directions @ np.diag(free.drift**2) @ free.directions.T
+    drifted = C + free.covariance
     by_noise = free.directions @ estimate.noise @ free.directions.T
     corrected = replace(perturbed(pair, turned.change), covariance=left @ drifted @ left.T + by_noise)
     missed = gain @ every.directions - free.moves.T @ every.moves
@@ -237,7 +237,7 @@ def _checked(
 
 def _refuse_contradictions(known: Sequence[Observed], pair: Pair, free: Freedom, capture: str) -> None:
     """See that what is known of a scene is within what calibration and drifts leave open."""
-    drifted = pair.covariance + free.directions @ np.diag(free.drift**2) @ free.directions.T
+    drifted = pair.covariance + free.covariance
     for each in known:
         expected = np.sqrt(1 + np.einsum("nk,kl,nl->n", each.A, drifted, each.A))
         off = float(np.max(np.abs(each.rest) / expected))
