@@ -38,21 +38,27 @@ class Crowd:
         middle = (np.arange(GRID) + 0.5) / GRID - 0.5
         self.place = middle + np.bincount(at, turns - middle[at], minlength=GRID) / np.maximum(total, 1)
         number = np.bincount(at + GRID * tile, minlength=GRID * TILES**2).reshape(-1, GRID)
-        self.number = number[number.sum(axis=1) > 0]
+        self.number: Terms = number[number.sum(axis=1) > 0].astype(complex)
 
     def densities(self, r: Response) -> tuple[Terms, Array]:
         """Harmonics that bending makes, of the phases as a response straightens them, and by how much (variance) the
         scene's own harmonics and pixels that are in step with the fringes may change each."""
-        first = np.exp(2j * np.pi * (self.place + correction(self.wave.spectrum(r))))
-        power, found = self.number.astype(complex), np.zeros((int(self.others[-1]) + 1, len(self.number)), complex)
-        for k in range(1, len(found)):  # a power of a complex number takes many times as long
-            power = power * first
-            found[k] = power.sum(axis=1)
-        share = self.number.sum(axis=1) / self.count
-        made = found[self.made].sum(axis=1) / self.count
-        apart = np.abs(found[self.made] / self.count - made[:, None] * share) ** 2
-        others = np.abs(found[self.others].sum(axis=1) / self.count) ** 2
+        found = self._straightened(r) @ self.number.T / self.count
+        made, share = found[self.made].sum(axis=1), self.number.sum(axis=1).real / self.count
+        apart = np.abs(found[self.made] - made[:, None] * share) ** 2
+        others = np.abs(found[self.others].sum(axis=1)) ** 2
         return made, np.maximum(apart.sum(axis=1), max(float(others.mean()), 0.25 / self.count))
+
+    def bent(self, r: Response) -> Terms:
+        """The first of these alone."""
+        return self._straightened(r)[self.made] @ self.number.sum(axis=0) / self.count
+
+    def _straightened(self, r: Response) -> Terms:
+        """Waves along the parts of a turn, (harmonics, GRID), at the phases that a response makes of them."""
+        first = np.exp(2j * np.pi * (self.place + correction(self.wave.spectrum(r))))
+        powers = np.ones((int(self.others[-1]) + 1, GRID), complex)
+        powers[1:] = first  # a power of a complex number takes many times as long as a product
+        return np.asarray(np.multiply.accumulate(powers, axis=0))
 
 
 def crowded(crowds: Sequence[Crowd], r: Response) -> bool:
@@ -80,7 +86,7 @@ def _use_crowding(crowds: Sequence[Crowd], base: Response, r: Response) -> Respo
         weight = 2 / usual
         slopes = np.zeros((len(r.values), len(seen)), complex)
         for k in (*range(PARAMETERS), PARAMETERS + crowd.wave.axis):
-            slopes[k] = (crowd.densities(r.moved(k))[0] - seen) / STEP
+            slopes[k] = (crowd.bent(r.moved(k)) - seen) / STEP
         full += (weight * slopes @ slopes.conj().T).real
         right -= (weight * slopes @ seen.conj()).real
     change = np.linalg.solve(full, right)
