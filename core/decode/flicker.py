@@ -34,6 +34,7 @@ SIGNIFICANT = 6.0  # standard deviations of chi squared
 PHASES = 12  # parts of a period
 # of the gains that the light may leave unexplained: flicker of 1 to 12 % left 0.34 to 0.86, harmonics 0.92
 AGREE = 0.85
+APART = 0.15  # of the gains, r.m.s., that either half may tell otherwise: planes to 0.09, a board's dots from 0.3 on
 SLIGHT = 0.003  # of the gain: less is not worth it
 
 
@@ -165,10 +166,14 @@ def _by(grey: Singles, solution: Array, patch: NDArray[np.intp], room: bool) -> 
     total = total + 1 - total.mean() if room else total / total.mean()
     both = (solution[1] + 1j * solution[2]).astype(np.complex64)
     # upper and lower half: a frame that came late in some rows is no flicker
-    halves = zip(
-        *(np.array_split(each, 2, axis=1) for each in (grey, _to_steady(total, solution, room) @ grey)), strict=True
+    both_halves = [np.array_split(each, 2, axis=1) for each in (grey, _to_steady(total, solution, room) @ grey)]
+    halves = [*zip(*both_halves, np.array_split(patch, 2), strict=True)]
+    told = np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, steady, both, total) for half, steady, _ in halves)
+    # dots of a board show some phases more than others, and tell other gains in each half
+    told = told and all(
+        np.std(_look(steady.astype(np.float32), solution, own, room)[0]) < APART * np.std(total)
+        for _, steady, own in halves
     )
-    told = np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, steady, both, total) for half, steady in halves)
     return (total, float(unexplained[-1] - unexplained[0])) if told else (steady_light, 0.0)
 
 
