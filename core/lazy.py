@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 
@@ -103,18 +105,26 @@ else:
         init.__qualname__, init.__module__ = f"{cls.__qualname__}.__init__", cls.__module__
         return init
 
-    def _compared(instance):
-        return tuple(getattr(instance, field.name) for field in dataclasses.fields(instance) if field.compare)
+    @cache
+    def _compared_of(cls):
+        """Give what takes out of an instance the tuple of what is compared."""
+        names = [field.name for field in dataclasses.fields(cls) if field.compare]
+        if len(names) > 1:
+            return attrgetter(*names)
+        return lambda instance: tuple(getattr(instance, name) for name in names)
 
     def _repr(self):
         shown = (f"{field.name}={getattr(self, field.name)!r}" for field in dataclasses.fields(self) if field.repr)
         return f"{type(self).__qualname__}({', '.join(shown)})"
 
     def _eq(self, other):
-        return _compared(self) == _compared(other) if other.__class__ is self.__class__ else NotImplemented
+        if other.__class__ is not self.__class__:
+            return NotImplemented
+        compared = _compared_of(self.__class__)
+        return compared(self) == compared(other)
 
     def _hash(self):
-        return hash(_compared(self))
+        return hash(_compared_of(self.__class__)(self))
 
     def _refuse(self, name, *value):
         raise dataclasses.FrozenInstanceError(f"{type(self).__qualname__} is frozen: {name!r} cannot be changed")
