@@ -14,6 +14,8 @@ from core.model import Network, NetworkDevice, NetworkScale
 from core.project.captures import VERSION
 from core.project.rigs import device_to_dict, read_device, read_length
 
+SEVERAL, TINY = 8, 0.02  # observations of a device that reach over so little of its image tell nothing
+
 
 def read_network(folder: Path) -> Network:
     """Read network.json, points.csv and observations.csv; every station is free unless devices are rigid.
@@ -52,6 +54,15 @@ def read_network(folder: Path) -> Network:
     xyz, point_sigma = np.hsplit(np.array(list(points.values())).reshape(-1, 6), [3])
     station, point = np.array(list(seen), np.int64).reshape(-1, 2).T
     u, v, sigma = np.array(list(seen.values())).reshape(-1, 3).T
+    by = np.array(list(stations.values()))[station]
+    for name, device in devices.items():
+        reach = [float(np.ptp(each[by == name])) if np.any(by == name) else np.inf for each in (u, v)]
+        size = device.spec.width, device.spec.height
+        if np.count_nonzero(by == name) >= SEVERAL and all(r < TINY * n for r, n in zip(reach, size, strict=True)):
+            told = (
+                f"u and v of device {name!r} reach over {reach[0]:.3g} x {reach[1]:.3g} of its {size[0]} x {size[1]} px"
+            )
+            raise InputError(folder / "observations.csv", told, "give u and v in pixels, not in mm")
     scale = fields.optional("scale")
     return Network(
         devices,

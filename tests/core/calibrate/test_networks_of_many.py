@@ -477,3 +477,13 @@ def test_a_projector_that_no_camera_shares_is_named() -> None:
 def test_one_lens_said_by_another_begins_the_adjustment() -> None:
     spec = replace(CAMERA, interior=fitted(CAMERA, CAMERA_TRUTH, "brown")[0])
     assert lens_of(spec).name == "brown"
+
+
+def test_observations_in_mm_are_refused(simulate, tmp_path: Path) -> None:
+    """They took minutes to adjust, into nothing."""
+    network = simulate(seed=3).network
+    write_network(tmp_path, network)
+    read_network(tmp_path)
+    write_network(tmp_path, replace(network, observation_uv=0.008 * network.observation_uv))
+    with pytest.raises(InputError, match=r"observations.csv: u and v of device 'camera' .* not in mm"):
+        read_network(tmp_path)
