@@ -21,6 +21,7 @@ LEAST_COMMON = 8  # targets of two captures that are compared
 SAME = 0.5  # of the sigmas of both, r.m.s.: two images of a board that stands still differ by 1
 AT_ONE_PLACE = 2e-3  # of planes' normals, and of their distance over itself: what may be one
 COPIED = 0.6  # of the noise of both images: two exposures differ by 1, a copy by what was added to it
+BLOCK, ALONE = 8, 0.15  # px; of the noise that is not common, which each of two exposures has half of, and a copy all
 ROUNDED = 0.4  # grey values: rounding once leaves 0.29, and two exposures 0.57 where their noise is but 0.3
 CAPTURES = 4  # that tell which gaps in the grey values are usual
 FEW = 0.25  # of the captures may be unlike the others; more are another setting, by choice
@@ -119,15 +120,25 @@ def _unlike(a: NDArray, b: NDArray) -> float:
         return np.inf
     gain, offset = np.polyfit(x[use], y[use], 1)
     left = float(np.sqrt(np.mean((y[use] - gain * x[use] - offset) ** 2)))
-    noise = np.hypot(gain * _noise(a, use), _noise(b, use))
-    return left / max(ROUNDED * max(1.0, abs(gain)), COPIED * noise)
+    return left / max(ROUNDED * max(1.0, abs(gain)), COPIED * _common_noise(a, b, use.reshape(a.shape)))
 
 
-def _noise(image: NDArray, use: NDArray[np.bool_]) -> float:
-    """Standard deviation of an image's noise, by its second differences along the stripes."""
-    grey, use = image.astype(np.float64), use.reshape(image.shape)
-    along = (np.diff(values, n=2)[where[:, 1:-1]] for values, where in ((grey, use), (grey.T, use.T)))
-    return min(sigma_by_median(each) for each in along) / 6**0.5
+def _common_noise(a: NDArray, b: NDArray, use: NDArray[np.bool_]) -> float:
+    """Standard deviation of both images' noise where one has none of its own, by second differences along the stripes.
+
+    0 where both have some: then they are two exposures, and what they have in common is the surface.
+    """
+    x, y = (image.astype(np.float64) for image in (a, b))
+    height, width = (size // BLOCK for size in x.shape)
+    p, q = (g[: height * BLOCK, : width * BLOCK].reshape(height, BLOCK, width, BLOCK).mean(axis=(1, 3)) for g in (x, y))
+    gain = np.polyfit(p.ravel(), q.ravel(), 1)[0]  # of means, which noise does not lower
+    ways = ((gain * x, y, use), (gain * x.T, y.T, use.T))
+    rough = [tuple(np.diff(each, n=2)[where[:, 1:-1]] for each in both) for *both, where in ways]
+    first, second = min(rough, key=lambda both: float(np.var(both[0])))
+    own = np.mean(first * (first - second)), np.mean(second * (second - first))
+    if abs(min(own)) > ALONE * sum(own):
+        return 0.0
+    return float(np.hypot(sigma_by_median(first), sigma_by_median(second)) / 6**0.5)
 
 
 def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Concern:

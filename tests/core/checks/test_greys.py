@@ -121,3 +121,19 @@ def test_planes_of_the_same_frames_are_told_from_planes_that_stood_still(kind: s
 
     assert repeated_planes(planes(600, 600, 600.1), pairs) == {"c": "a"}
     assert repeated_planes(planes(600, 600, 650), pairs) == {}
+
+
+@pytest.mark.parametrize(("slant", "texture"), [(1.0, 0.0), (0.4, 0.0), (0.0, 0.02), (0.0, 0.05)])
+def test_slanted_stripes_and_a_rough_surface_are_no_noise_that_two_exposures_share(
+    slant: float, texture: float
+) -> None:
+    """A copy with a little noise is told from them, however much a pixel differs from its neighbours."""
+    rng, (v, u) = np.random.default_rng(3), np.mgrid[:240, :320]
+    stripes = 90 + 60 * np.cos(np.pi / 2 * (u + slant * v) / np.hypot(1, slant))
+    light = stripes * (1 + texture * rng.normal(size=u.shape)) * np.exp(-(((u - 160) ** 2 + (v - 120) ** 2) / 3e5))
+    first, again = (np.round(light + rng.normal(0, 1.5, u.shape)) for _ in range(2))
+    planes = [PlaneEvaluation(n, 0, "m", 9, 0.1, 0.3, -0.3, 0.1, 0, "", np.array([0, 0, 1, -600])) for n in "ab"]
+    assert repeated_planes(planes, lambda a, b: [(first, again)]) == {}
+    if slant < 1:
+        noisy = first + rng.integers(-1, 2, u.shape)
+        assert repeated_planes(planes, lambda a, b: [(first, noisy)]) == {"b": "a"}
