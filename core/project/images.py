@@ -278,7 +278,7 @@ def _check_claimed(path: Path, data: bytes | bytearray, shape: tuple[int, int] |
     """Give what a header claims; an `InputError` where that is not a frame of that shape (H, W), or of any."""
     said = _claimed(data)
     claimed = said.get(_HEIGHT, 0), said.get(_WIDTH, 0)
-    if said.get(_TURNED, 1) != 1:  # the camera was tilted, or rows are stored from below: no telling
+    if 1 < said.get(_TURNED, 1) < 9:  # the camera was tilted, or rows are stored from below: no telling; 0 is unknown
         seen = f"is an image to be turned or mirrored before it is shown (orientation {said[_TURNED]})"
         raise InputError(path, seen, "store frames as the camera reads them, with orientation 1")
     if said.get(_FURTHER, 0) >= max(claimed[0] * claimed[1], 1):  # a smaller one is a preview
