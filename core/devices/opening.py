@@ -149,7 +149,8 @@ def _serial(address: Address, note: Note, check: Check) -> Projector:
     if not address.place:
         raise InputError(address.url, "no port", "name it, as in serial:/dev/ttyUSB0 or serial:socket://host:port")
     try:
-        urlsplit(address.place).port  # noqa: B018  it is looked at when asked for
+        if address.place.startswith(("socket:", "rfc2217:")):  # others have no port after a colon
+            urlsplit(address.place).port  # noqa: B018  it is looked at when asked for
     except ValueError as error:
         raise InputError(address.url, str(error), "give the port that the other end listens at") from error
     profile, settle_s = _profile(address, 0, 0)

@@ -142,12 +142,15 @@ def test_a_port_that_cannot_be_opened_is_a_device_error(url: str) -> None:
         Link(url, Port(9600, 8, "none", 1.0, "none"))
 
 
-@pytest.mark.parametrize("place", ["/dev/no-such-port", "socket://127.0.0.1:1", "socket://127.0.0.1:99999"])
+@pytest.mark.parametrize(
+    "place", ["/dev/no-such-port", "socket://127.0.0.1:1", "socket://127.0.0.1:99999", "hwgrep://0451:f432"]
+)
 def test_a_projector_that_is_not_at_its_url_is_bad_input(place: str) -> None:
     """Nothing has been done yet; a device that fails later is no fault of what was typed."""
     with pytest.raises((NotThereError, InputError), match=place.rpartition("/")[2]) as caught:
         open_projector(f"serial:{place}?profile=stripe-lines")
     assert caught.value.exit_code == 2
+    assert isinstance(caught.value, InputError) == ("99999" in place)  # nothing but a number is a port
 
 
 def test_a_second_program_cannot_open_the_port() -> None:
