@@ -23,6 +23,7 @@ from core.patterns import Axis, Code, Pattern, axis_of, brightness, cycle_lines,
 from core.progress import SILENT, Progress
 
 Array = NDArray[np.float32]
+Exchanges = list[tuple[int, int]]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 PIXELS = 400  # whose lines are looked up
@@ -190,20 +191,23 @@ def _order(
     enough = 1.3 * min(misfit for misfit, _ in ends) + 0.01
     likely = [(search.runs(end, axis, turned), misfit, end) for misfit, end in ends if misfit <= enough]
     most = max(runs for runs, _, _ in likely)
-    misfit, order = min(((misfit, end) for runs, misfit, end in likely if runs > most - ALIKE), key=lambda one: one[0])
-    for exchanges in 2 * _of_bits([patterns[i] for i in mine]):
-        other = order.copy()
-        for a, b in exchanges:
-            other[[a, b]] = other[[b, a]]
-        for group in (group for group in alike if like[group[0]][0] == "phase"):
-            other = search.turned(other, group)
+    order = min(((misfit, end) for runs, misfit, end in likely if runs > most - ALIKE), key=lambda one: one[0])[1]
+    phases = [group for group in alike if like[group[0]][0] == "phase"]
+    over, others = _of_bits([patterns[i] for i in mine])
+    for exchanges in 2 * [*over, *others]:
+        other = search.with_bits(order, exchanges, phases)
         if search.misfit(other) <= enough and search.unsteady(other) < search.unsteady(order):
-            misfit, order = search.misfit(other), other
+            order = other
+    back = search.with_bits(order, [pair for each in over for pair in each], phases)  # as steady, the other way
+    if search.misfit(back) <= enough and search.runs(back, axis, turned) > search.runs(order, axis, turned) + ALIKE:
+        order = back
+    misfit = search.misfit(order)
     return misfit, {i: frames[k] for i, k in zip(mine, order, strict=True)}
 
 
-def _of_bits(patterns: Sequence[Pattern]) -> list[list[tuple[int, int]]]:
-    """Which frames to exchange to turn a bit of all numbers over, or to exchange two: the words are words again.
+def _of_bits(patterns: Sequence[Pattern]) -> tuple[list[Exchanges], list[Exchanges]]:
+    """Which frames to exchange to turn each bit of all numbers over, and for what else makes words of the words: from
+    one bit of a Gray code on all are turned over, or two are exchanged.
 
     Only codes with inverse frames allow for that.
     """
@@ -213,7 +217,8 @@ def _of_bits(patterns: Sequence[Pattern]) -> list[list[tuple[int, int]]]:
     }
     gray = any(isinstance(p, Code) and p.kind == "gray" for p in patterns)  # a bit of the number is in two of the code
     over = [[both[b] for b in (bit, bit + 1)[: 1 + gray] if b in both] for bit in sorted(both)]
-    return over + [[*zip(both[a], both[b], strict=True)] for a, b in combinations(sorted(both), 2)]
+    exchanged = [[*zip(both[a], both[b], strict=True)] for a, b in combinations(sorted(both), 2)]
+    return over, [*([both[bit]] for bit in sorted(both) if gray), *exchanged]
 
 
 @dataclass(frozen=True)
@@ -293,6 +298,17 @@ class _Search:
             ways.append(order.copy())
             ways[-1][group] = order[turn]
         return min(ways, key=self.misfit)
+
+    def with_bits(
+        self, order: NDArray[np.intp], exchanges: Exchanges, phases: list[NDArray[np.intp]]
+    ) -> NDArray[np.intp]:
+        """Exchange frames of a code, and put the steps of its periods in the order that fits best then."""
+        order = order.copy()
+        for a, b in exchanges:
+            order[[a, b]] = order[[b, a]]
+        for group in phases:
+            order = self.turned(order, group)
+        return order
 
     def _turns(self, group: NDArray[np.intp]) -> list[NDArray[np.intp]]:
         if len(group) < 3:

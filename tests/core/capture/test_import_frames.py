@@ -364,3 +364,20 @@ def test_codes_with_inverses_are_put_in_order() -> None:
     shuffled = np.random.default_rng(4).permutation(len(patterns))
     found = recognise([images[k] for k in shuffled], patterns, LINES, "test")
     assert shuffled[found].tolist() == list(range(len(patterns)))
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_codes_with_inverses_of_all_lines_run_as_in_the_camera(seed: int) -> None:
+    """Where numbers fill all bits, every exchange leaves words, and the lines may run backwards as steadily."""
+    rng, (v, u) = np.random.default_rng(seed), np.mgrid[:100, :120]
+    patterns = parse_sequence("gray-inverse:steps=0,cell=1").patterns((64, 64))
+    places = {"x": u / 2 + 2 + 0.05 * v + 3e-4 * (u - 60) ** 2, "y": 0.6 * v + 5 - 0.03 * u}
+    lines = np.arange(64)
+    images = []
+    for p in patterns:
+        light = np.convolve(np.pad(brightness(p, lines), 1), [0.15, 0.7, 0.15], "same")[1:-1]
+        grey = 20 + 150 * np.interp(places[axis_of(p) or "x"], lines, light) + rng.normal(0, 1.5, u.shape)
+        images.append(np.clip(grey, 0, 255).astype(np.uint8))
+    shuffled = np.random.default_rng(seed).permutation(len(patterns))
+    found = recognise([images[k] for k in shuffled], patterns, (64, 64), "test")
+    assert shuffled[found].tolist() == list(range(len(patterns)))
