@@ -129,9 +129,10 @@ def _common_noise(a: NDArray, b: NDArray, use: NDArray[np.bool_]) -> float:
     0 where both have some: then they are two exposures, and what they have in common is the surface.
     """
     x, y = (image.astype(np.float64) for image in (a, b))
-    height, width = (size // BLOCK for size in x.shape)
-    p, q = (g[: height * BLOCK, : width * BLOCK].reshape(height, BLOCK, width, BLOCK).mean(axis=(1, 3)) for g in (x, y))
-    gain = np.polyfit(p.ravel(), q.ravel(), 1)[0]  # of means, which noise does not lower
+    side = min(BLOCK, *x.shape)
+    height, width = (size // side for size in x.shape)
+    p, q = (g[: height * side, : width * side].reshape(height, side, width, side).mean(axis=(1, 3)) for g in (x, y))
+    gain = float(np.std(q) / max(float(np.std(p)), 1e-9))  # of means, with little noise, and the same of both
     ways = ((gain * x, y, use), (gain * x.T, y.T, use.T))
     rough = [tuple(np.diff(each, n=2)[where[:, 1:-1]] for each in both) for *both, where in ways]
     first, second = min(rough, key=lambda both: float(np.var(both[0])))

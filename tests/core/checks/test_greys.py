@@ -132,8 +132,11 @@ def test_slanted_stripes_and_a_rough_surface_are_no_noise_that_two_exposures_sha
     stripes = 90 + 60 * np.cos(np.pi / 2 * (u + slant * v) / np.hypot(1, slant))
     light = stripes * (1 + texture * rng.normal(size=u.shape)) * np.exp(-(((u - 160) ** 2 + (v - 120) ** 2) / 3e5))
     first, again = (np.round(light + rng.normal(0, 1.5, u.shape)) for _ in range(2))
+    even = stripes * (1 + 0.05 * rng.normal(size=u.shape))
+    evenly_lit = [np.round(even + rng.normal(0, 1.5, u.shape)) for _ in range(2)]
     planes = [PlaneEvaluation(n, 0, "m", 9, 0.1, 0.3, -0.3, 0.1, 0, "", np.array([0, 0, 1, -600])) for n in "ab"]
-    assert repeated_planes(planes, lambda a, b: [(first, again)]) == {}
+    for pair in ((first, again), evenly_lit):
+        assert repeated_planes(planes, lambda a, b, pair=pair: [pair]) == {}
     if slant < 1:
         noisy = first + rng.integers(-1, 2, u.shape)
         assert repeated_planes(planes, lambda a, b: [(first, noisy)]) == {"b": "a"}
