@@ -61,15 +61,13 @@ class _Look:
         return found
 
     def chosen(self, camera: str, other: str, only_watched: bool) -> list[tuple[str, str]]:
-        """Those that names mean, "" for all. Of two cameras, which are only watched, either may be named."""
+        """Those that names mean, "" for all. Two cameras, which are only watched, may be named in any order."""
         found = []
         for one, two in self.pairs:
-            if other:
-                meant = other == two and camera in ("", one)
-            elif two in self.calibration.cameras:
-                meant = only_watched and camera in ("", one, two)
+            if two in self.calibration.cameras:
+                meant = bool(other or only_watched) and {camera, other} <= {"", one, two} and camera != (other or None)
             else:
-                meant = camera in ("", one)
+                meant = camera in ("", one) and other in ("", two)
             found += [(one, two)] if meant else []
         return found
 

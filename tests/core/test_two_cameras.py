@@ -339,6 +339,7 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     two = ["orient", str(project.path), "plane+15", "--camera", "left", "--projector"]
     assert main([*two, "right", "--correct"]) == 2  # cameras are only watched
     assert main([*two, "left"]) == 2
+    assert main(["orient", str(project.path), "plane+15", "--camera", "right", "--projector", "left"]) == 0
     words = ["reconstruct", str(project.path), "plane+15", "--orient", "--camera", "right"]
     assert main([*words, "--out", str(tmp_path / "right.npz")]) == 0
     assert main([*words[:-2], "--out", str(tmp_path / "left.npz")]) == 0  # of the first, where none is named
