@@ -8,7 +8,8 @@ lamp adds light instead, of their mean the same part in all pixels; what is left
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -34,7 +35,7 @@ SIGNIFICANT = 6.0  # standard deviations of chi squared
 PHASES = 12  # parts of a period
 # of the gains that the light may leave unexplained: flicker of 1 to 12 % left 0.34 to 0.86, harmonics 0.92
 AGREE = 0.85
-APART = 0.15  # of the gains, r.m.s., that either half may tell otherwise: planes to 0.09, a board's dots from 0.3 on
+APART = 0.27  # of the gains, r.m.s., that any quarter may tell otherwise: planes to 0.26, a board's dots from 0.3 on
 SLIGHT = 0.003  # of the gain: less is not worth it
 
 
@@ -165,16 +166,23 @@ def _by(grey: Singles, solution: Array, patch: NDArray[np.intp], room: bool) -> 
         total = total + change if room else total * (1 + change)
     total = total + 1 - total.mean() if room else total / total.mean()
     both = (solution[1] + 1j * solution[2]).astype(np.complex64)
-    # upper and lower half: a frame that came late in some rows is no flicker
-    both_halves = [np.array_split(each, 2, axis=1) for each in (grey, _to_steady(total, solution, room) @ grey)]
-    halves = [*zip(*both_halves, np.array_split(patch, 2), strict=True)]
-    told = np.abs(total - 1).max() > SLIGHT and all(_lit_so(half, steady, both, total) for half, steady, _ in halves)
-    # dots of a board show some phases more than others, and tell other gains in each half
-    told = told and all(
-        np.std(_look(steady.astype(np.float32), solution, own, room)[0]) < APART * np.std(total)
-        for _, steady, own in halves
+    steady = _to_steady(total, solution, room) @ grey
+    told = (
+        np.abs(total - 1).max() > SLIGHT
+        # a frame that came late in some rows is no flicker
+        and all(_lit_so(seen, shown, both, total) for seen, shown in _parts(2, grey, steady))
+        # dots of a board show some phases more than others, and tell other gains elsewhere
+        and all(
+            np.std(_look(shown.astype(np.float32), solution, own, room)[0]) < APART * np.std(total)
+            for shown, own in _parts(4, steady, patch)
+        )
     )
     return (total, float(unexplained[-1] - unexplained[0])) if told else (steady_light, 0.0)
+
+
+def _parts(count: int, *values: NDArray[Any]) -> Iterator[tuple[NDArray[Any], ...]]:
+    """Divide arrays (..., n) of pixels into those of so many bands of rows."""
+    return zip(*(np.array_split(each, count, axis=-1) for each in values), strict=True)
 
 
 def _lit_so(grey: Singles, steady: Singles, both: NDArray[np.complex64], gains: Array) -> bool:
