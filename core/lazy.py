@@ -40,6 +40,7 @@ def attach(package: str, homes: dict[str, str]) -> tuple[Callable[[str], Any], C
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
 else:
+    _PARAMS = "__dataclass_params__"  # by which the standard library knows frozen classes
 
     def dataclass(*, frozen, eq=True):
         """As `dataclasses.dataclass` makes frozen classes, in a tenth of its time.
@@ -52,7 +53,12 @@ else:
             raise TypeError("a class that is not frozen is made by dataclasses.dataclass")
 
         def of(cls):
+            bases = [own for base in cls.__mro__[1:] if (own := vars(base).get(_PARAMS)) is not None and own.frozen]
+            for each in bases:  # of frozen classes it makes no others
+                each.frozen = False
             made = dataclasses.dataclass(init=False, repr=False, eq=False)(cls)
+            for each in (*bases, vars(made)[_PARAMS]):
+                each.frozen = True
             methods = {"__init__": _Init(made), "__repr__": _repr, "__setattr__": _refuse, "__delattr__": _refuse}
             if eq:
                 methods |= {"__eq__": _eq, "__hash__": _hash}

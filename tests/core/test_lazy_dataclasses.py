@@ -97,3 +97,19 @@ def test_one_of_no_equality_is_compared_by_identity_and_pickled() -> None:
 def test_one_that_is_not_frozen_is_refused() -> None:
     with pytest.raises(TypeError, match="not frozen"):
         dataclass(frozen=False)
+
+
+@pytest.mark.parametrize(("made", "base"), [(dataclasses.dataclass, OURS[0]), (dataclass, THEIRS[0])])
+def test_classes_of_either_kind_inherit_from_the_other(made: Any, base: Any) -> None:
+    """A program that imports the core may make more of its classes."""
+
+    @made(frozen=True)
+    class Larger(base):
+        size: int = 1
+
+    assert repr(Larger("a", size=2)).endswith("Larger(name='a', places=(1.0, 2.0), notes=[], double='aa', size=2)")
+    assert Larger("a") == Larger("a") != Larger("a", size=2)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Larger("a").size = 3
+    with pytest.raises(TypeError, match="non-frozen"):
+        dataclasses.dataclass(type("Loose", (base,), {}))
