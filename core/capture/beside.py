@@ -30,7 +30,8 @@ BESIDE, AWAY = 0.25, 0.2  # lines: all over, and over the field; 38 sound captur
 SIGMAS = 7.0  # of what edges or cycles scatter about a steady change
 STRONG, BRIGHT = 0.5, 0.9  # of the strength of fringes that a quantile of the pixels does not reach
 PIXELS = 500  # on which periods are tried
-UNLIKE, LEFT = 0.5, 0.5  # times what chance leaves, from which phases belong to no line; of that, if corrected
+CHANCE = 0.25  # of the way from one place to the next: how far chance is from the nearer, in the median
+UNLIKE, LEFT = 0.5, 0.35  # of what chance leaves, where phases belong to no line; of that, and in turns, if right
 MOST_SLOPE = 0.05  # by which a period may be off
 FROM_0 = 0.3  # of the change, that it may be off where line 0 would be: other periods agree there
 
@@ -197,21 +198,20 @@ def _unlike(finest: float, turn: Array, other: float, beside: Array, count: int)
     turn, beside = turn[some], beside[some]
     orders = np.arange(-1, int(count / finest) + 1)
 
-    def apart(slope: float) -> float:
-        """How far the nearest lines of both phases are from each other, over what chance would leave."""
-        lines = finest / (1 + slope) * (turn[:, None] + orders)
-        medians = []
-        for phase in (beside, np.roll(beside, len(beside) // 2)):
-            away = lines / other - phase[:, None]
-            medians.append(np.median(np.abs(away - np.rint(away)).min(axis=1)))
-        return float(medians[0] / max(medians[1], 1e-9))
+    def apart(slope: float) -> Array:
+        """How far the nearest lines of both phases are from each other, by chance and in turns; medians."""
+        away = finest / (1 + slope) * (turn[:, None] + orders) / other - beside[:, None]
+        above = (away - np.floor(away)).min(axis=1)
+        below = (np.ceil(away) - away).min(axis=1)
+        nearest = np.minimum(above, below)
+        return np.median([nearest / np.maximum(above + below, 1e-9) / CHANCE, nearest], axis=1)
 
-    if len(turn) < PIXELS or (described := apart(0.0)) < UNLIKE:
+    if len(turn) < PIXELS or (described := apart(0.0))[0] < UNLIKE:
         return None
     slopes = np.arange(-MOST_SLOPE, MOST_SLOPE, SCATTER / 2 / count)
-    left = [apart(slope) for slope in slopes]
+    left = [float(np.max(apart(slope) / described)) for slope in slopes]
     best = int(np.argmin(left))
-    return float(slopes[best]) if left[best] < LEFT * described else None
+    return float(slopes[best]) if left[best] < LEFT else None
 
 
 def _medians(key: NDArray[np.int64], values: Array, most: float) -> tuple[NDArray[np.int64], Array]:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from core.capture.beside import beside_code
 from core.patterns import Axis, Black, Pattern, Phase, White, gray_and_phase
 from tests.core.capture.test_stored_frames import Frames, render, told
 
@@ -93,6 +94,18 @@ def test_a_period_that_leaves_few_pixels_a_line_is_told(periods: tuple, wrong: i
     fits = re.findall(r"with a period of ([0-9.]+) lines, not [0-9.]+, or of ([0-9.]+), not", found)
     assert len(fits) == 2, found  # columns and rows
     assert np.allclose([float(each[wrong]) for each in fits], periods[wrong], rtol=6e-4), found
+
+
+@pytest.mark.parametrize(("periods", "count"), [((25.0, 26.0), 640), ((18.0, 160.0), 640)])
+@pytest.mark.parametrize(("steps", "gamma", "noise"), [(4, 1.0, 6.0), (3, 2.4, 1.0)])
+def test_noise_and_a_response_that_hide_the_line_accuse_no_period(periods, count, steps, gamma, noise) -> None:
+    """A part of the field is seen, whose phases tell places one or two lines apart: other periods would fit that."""
+    rng, (v, u) = np.random.default_rng(1), np.mgrid[:120, :160]
+    lines = count * (0.3 + u / 800) + 3 * np.sin(v / 30)
+    patterns = [Phase("x", p, steps, k, 2 * np.pi * k / steps) for p in periods for k in range(steps)]
+    waves = [0.5 + 0.5 * np.cos(2 * np.pi * (lines + 0.5) / p.period - p.shift_rad) for p in patterns]
+    images = [np.clip(np.round(10 + 150 * w**gamma + rng.normal(0, noise, u.shape)), 0, 255) for w in waves]
+    assert beside_code(patterns, images, [("x", lines, "columns")], (count, count)) == []
 
 
 def reordered(patterns: list[Pattern], images: Frames) -> Frames:
