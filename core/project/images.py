@@ -37,6 +37,7 @@ if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
 _AGAIN = "record or copy this frame again"
 
 _JPEG, _EXIF = b"\xff\xd8", b"eXIf"
+_TIFF = {b"II*\0": "<", b"MM\0*": ">"}
 _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _TURNED = 256, 257, 258, 259, 274  # tags of TIFF
 _FURTHER = 0  # no tag: the size in px of a second picture in the file
 _UNREADABLE = {34925: "LZMA", 50000: "Zstandard", 50001: "WebP", 50002: "JPEG XL", 34712: "JPEG 2000"}
@@ -240,7 +241,7 @@ def _claimed(data: bytes | bytearray) -> dict[int, int]:
             return _exif(data, _EXIF) | dict(claimed)
         if data.startswith(_JPEG):
             return _exif(data, b"Exif\0\0")
-        order = {b"II*\0": "<", b"MM\0*": ">"}.get(bytes(data[:4]))
+        order = _TIFF.get(bytes(data[:4]))
         if order is None:
             return {}
         (at,) = struct.unpack_from(f"{order}I", data, 4)
@@ -257,8 +258,8 @@ def _claimed(data: bytes | bytearray) -> dict[int, int]:
 
 def _exif(data: bytes | bytearray, mark: bytes) -> dict[int, int]:
     """Read how a camera was held, by what follows the mark of its notes: the head of a TIFF file."""
-    at = data.find(mark)
-    said = _claimed(data[at + len(mark) :]) if at >= 0 else {}
+    at = data.find(mark) + len(mark)  # without a mark, what stands there is no such head
+    said = _claimed(data[at:]) if bytes(data[at : at + 4]) in _TIFF else {}
     return {_TURNED: said[_TURNED]} if _TURNED in said else {}
 
 

@@ -69,6 +69,12 @@ def test_other_images_that_ask_to_be_turned_are_refused(name: str, tmp_path: Pat
             read(tmp_path / name, GREY.shape)
 
 
+def test_notes_within_notes_are_no_notes(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8" + 5000 * b"Exif\0\0\xff\xd8")
+    with pytest.raises(InputError):
+        read_image(tmp_path / "a.jpg", GREY.shape)
+
+
 def test_a_tiff_of_several_frames_is_refused_and_a_preview_is_none(tmp_path: Path) -> None:
     pages = [Image.fromarray(GREY), Image.fromarray(255 - GREY), Image.fromarray(GREY[::2, ::2])]
     pages[0].save(tmp_path / "two.tif", save_all=True, append_images=pages[1:2])
