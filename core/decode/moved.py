@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from core.decode.pairs import TILES
 from core.decode.tables import Array, AxisTable, Singles
 
-NEAR, BESIDE, FAR = 1.0, 1.3, 2.3  # lines from an edge in which levels change evenly, and where they change no more
+NEAR, BESIDE, FAR = 1.0, 1.3, 2.3  # lines from an edge in which levels change, and where they change no more
 STRAIGHT = 0.9  # of half the contrast, the same
 APART = 6.0  # lines between edges of a bit, at least
+STEPS = 8  # of the places to either side
 BITS = 3  # the finest of those
 SPREAD = 0.05  # of the odd function's values, least variance: a third of what they have where all lines are seen
 FEWEST = 15  # pixels about rising edges, and about falling ones, that tell it in a tile and those beside it
@@ -59,7 +60,7 @@ def moved_edges(place: Singles, smooth: NDArray[np.bool_], table: AxisTable, lev
     tile = row * TILES + column
     near = (np.abs(x) < NEAR) & (np.abs(y) < STRAIGHT)
     aside = (np.abs(x) > BESIDE) & (np.abs(y) < 2)
-    (offset, _, slope), chance = _fitted(tile[near], y[near], sign[near], x[near])
+    (offset, _, slope), chance = _fitted(tile[near], y[near], sign[near], _evenly(x[near], y[near]))
     (more, *_), by_noise = _fitted(tile[aside], y[aside], sign[aside], np.sign(x[aside]))
     per = np.where(slope > 0, 1 / np.maximum(slope, 1e-3), 0)
     told = np.isfinite(offset + more)
@@ -71,6 +72,15 @@ def moved_edges(place: Singles, smooth: NDArray[np.bool_], table: AxisTable, lev
         return None
     by_phase = float(table.period[0]) / (8**0.5 * np.pi)  # in the mean over all turns, of all the light
     return np.where(shown, np.sqrt(beyond) / by_phase, 0).astype(np.float32)
+
+
+def _evenly(x: Array, y: Array) -> Array:
+    """Places about an edge where levels would be as they are if they changed evenly; they change most next to it."""
+    step = np.minimum((np.abs(x) / NEAR * STEPS).astype(int), STEPS - 1)
+    rise = np.bincount(step, np.sign(x) * y, STEPS) / np.maximum(np.bincount(step, minlength=STEPS), 1)
+    middles = (np.arange(STEPS) + 0.5) / STEPS * NEAR
+    even = np.sign(x) * np.interp(np.abs(x), [0, *middles], [0, *rise])
+    return np.asarray(even * (x @ x) / max(float(even @ x), 1e-9))
 
 
 def _fitted(tile: NDArray[np.intp], y: Array, sign: Array, odd: Array) -> tuple[Array, Array]:

@@ -7,8 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from core.decode import decode
+from core.decode.moved import _evenly, _fitted
+from core.decode.pairs import TILES
 from core.patterns import Black, Code, Pattern, White, gray_and_phase
 from tests.core.decode.conftest import Bench, field
 
@@ -109,3 +112,16 @@ def test_sigma_holds_light_from_as_few_lines_off_everywhere(
     assert 0.85 < plain < 1.15
     assert 0.55 < bent < 1.7  # what periods contradict each other is taken for the error of both
     assert any("second way" in note for note in phase.notes)
+
+
+def test_edges_seen_from_one_side_are_where_they_are() -> None:
+    """Levels rise as a blurred edge does; in one corner nearly all pixels lie on its dark side."""
+    rng, n = np.random.default_rng(5), 4000
+    tile, sign = rng.integers(0, TILES**2, n), rng.choice([-1.0, 1.0], n)
+    x = rng.uniform(-1, 1, n)
+    corner = (tile % TILES > TILES - 4) & (tile // TILES > TILES - 4)
+    x[corner] = rng.uniform(-0.9, 0.05, np.count_nonzero(corner))
+    y = erf(x / 0.6) + rng.normal(0, 0.05, n)
+    for odd, least, most in ((x, 8.0, np.inf), (_evenly(x, y), 0.0, 4.0)):
+        (offset, *_), variance = _fitted(tile, y, sign, odd)
+        assert least < abs(offset[-2, -2]) / np.sqrt(variance[-2, -2]) < most
