@@ -44,11 +44,8 @@ class WithoutPoses:
         """One step of the adjustment, under the inner constraints."""
         normals, G = self.normals, problem.globals
         dz = solve_factor(self.factor, self.right)
-        whitened = normals.half - normals.root @ dz
-        dp = np.linalg.solve(normals.lower.transpose(0, 2, 1), whitened[..., None])[..., 0]
-        # whose right-hand side is L half
-        gain = float(self.b @ dz) + float(np.einsum("est,et,es->", normals.lower, normals.half, dp))
-        return Step(dz[:G], np.asarray(dp, dtype=np.float64), dz[G:].reshape(-1, 3), gain)
+        dp, gain = _eliminated(normals, normals.half - normals.root @ dz)
+        return Step(dz[:G], dp, dz[G:].reshape(-1, 3), float(self.b @ dz) + gain)
 
     def invert(self, problem: Problem) -> Inverse:
         """Cofactors of all unknowns in the free network of least trace.
@@ -67,8 +64,7 @@ class WithoutPoses:
             K = np.linalg.solve((self.D.T @ H[G:]).T, H.T)
             Q -= (K.T @ K) / self.kappa
         back = np.linalg.inv(normals.lower).transpose(0, 2, 1)
-        strength = 1.0 / (np.diagonal(Q)[:G] * normals.diagonal[:G])
-        return Inverse(Q, back @ normals.root, back @ back.transpose(0, 2, 1), strength)
+        return Inverse(Q, back @ normals.root, back @ back.transpose(0, 2, 1), _strength(Q, normals, G))
 
 
 @dataclass(frozen=True)
@@ -90,8 +86,8 @@ class WithoutPoints:
         dz = solve_factor(self.factor, self.right)
         multipliers = np.linalg.solve(self.V, self.misclosure - self.T.T @ dz)
         whitened = normals.half - normals.root @ dz - (self.bound @ multipliers).reshape(-1, 3)
-        dx = np.asarray(np.linalg.solve(normals.lower.transpose(0, 2, 1), whitened[..., None])[..., 0], np.float64)
-        gain = float(normals.b @ dz) + float(np.einsum("est,et,es->", normals.lower, normals.half, dx))
+        dx, own = _eliminated(normals, whitened)
+        gain = float(normals.b @ dz) + own
         for distance in problem.distances:
             w, J = distance_equation(distance, self.state)
             gain += w * float(J @ (dx[distance.start] - dx[distance.stop]))
@@ -105,8 +101,19 @@ class WithoutPoints:
         C = back @ (normals.root - (self.bound @ np.linalg.solve(V, self.T.T)).reshape(n, 3, -1))
         bound = back @ self.bound.reshape(n, 3, -1)
         Q_own = back @ back.transpose(0, 2, 1) - bound @ np.linalg.solve(V, bound.transpose(0, 2, 1))
-        strength = 1.0 / (np.diagonal(Q)[:G] * normals.diagonal[:G])
-        return Inverse(Q, C, Q_own, strength)
+        return Inverse(Q, C, Q_own, _strength(Q, normals, G))
+
+
+def _eliminated(normals: Normals, whitened: Array) -> tuple[Array, float]:
+    """Unknowns that were eliminated, from L⁻¹ times what is left for them, and their part of a step's gain."""
+    dx = np.asarray(np.linalg.solve(normals.lower.transpose(0, 2, 1), whitened[..., None])[..., 0], np.float64)
+    # their right-hand side is L half
+    return dx, float(np.einsum("est,et,es->", normals.lower, normals.half, dx))
+
+
+def _strength(Q: Array, normals: Normals, count: int) -> Array:
+    """How well each of the globals is known, as a part of how well it would be if all else were."""
+    return np.asarray(1.0 / (np.diagonal(Q)[:count] * normals.diagonal[:count]))
 
 
 Reduced = WithoutPoses | WithoutPoints
