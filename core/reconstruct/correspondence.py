@@ -15,12 +15,12 @@ import numpy as np
 from core.model import Array, Floats, PhaseMap
 from core.numerics import inverse_2x2, quantile_of
 from core.parallel import run_in_bands
-from core.reconstruct.labels import Labels, labels_of
+from core.reconstruct.labels import BEND, Labels, labels_of
 
 CELL_PX = 2.5  # of a cell of the grid, so that a pixel leaves its place in each; not where the surface is seen as steep
 STEEP = 0.95  # share of the pixels that see it less steep
 STEPS = 4
-BEND = np.array([[1.0, -2.0, 1.0]] * 3, np.float32) / 3  # second difference along a row, the mean of three
+BENDS = np.repeat(BEND, 3, axis=0) / 3  # along a row, the mean of three
 AT_REST_PX = 0.01  # by what the last step may move a place
 
 
@@ -40,7 +40,7 @@ def seen_by_other(own: PhaseMap, other: PhaseMap) -> PhaseMap:
         single place, between four pixels, is a little less.
     """
     labels = labels_of(other)
-    bends: Floats = np.stack([cv2.filter2D(labels.values, -1, kernel) for kernel in (BEND, BEND.T)], axis=-1)
+    bends: Floats = np.stack([cv2.filter2D(labels.values, -1, kernel) for kernel in (BENDS, BENDS.T)], axis=-1)
     wanted = np.stack([own.u, own.v], axis=-1).astype(np.float64)
     variance = np.stack([own.sigma_u, own.sigma_v], axis=-1).astype(np.float64) ** 2
     places, sigmas = (np.full(wanted.shape, np.nan, np.float32) for _ in range(2))
