@@ -60,7 +60,7 @@ def moved_edges(place: Singles, smooth: NDArray[np.bool_], table: AxisTable, lev
     tile = row * TILES + column
     near = (np.abs(x) < NEAR) & (np.abs(y) < STRAIGHT)
     aside = (np.abs(x) > BESIDE) & (np.abs(y) < 2)
-    (offset, _, slope), chance = _fitted(tile[near], y[near], sign[near], _evenly(x[near], y[near]))
+    (offset, _, slope), chance = _fitted(tile[near], y[near], sign[near], _evenly(x[near], y[near], sign[near]))
     (more, *_), by_noise = _fitted(tile[aside], y[aside], sign[aside], np.sign(x[aside]))
     per = np.where(slope > 0, 1 / np.maximum(slope, 1e-3), 0)
     told = np.isfinite(offset + more)
@@ -74,13 +74,17 @@ def moved_edges(place: Singles, smooth: NDArray[np.bool_], table: AxisTable, lev
     return np.where(shown, np.sqrt(beyond) / by_phase, 0).astype(np.float32)
 
 
-def _evenly(x: Array, y: Array) -> Array:
+def _evenly(x: Array, y: Array, sign: Array) -> Array:
     """Places about an edge where levels would be as they are if they changed evenly; they change most next to it."""
-    step = np.minimum((np.abs(x) / NEAR * STEPS).astype(int), STEPS - 1)
-    rise = np.bincount(step, np.sign(x) * y, STEPS) / np.maximum(np.bincount(step, minlength=STEPS), 1)
+    columns = np.stack([np.ones(len(x)), sign, x])
+    level, _, slope = np.linalg.solve(columns @ columns.T + 1e-6 * np.eye(3), columns @ y)
+    edge = float(np.clip(-level / max(slope, 1e-3), -NEAR / 2, NEAR / 2))  # of all tiles, where all are moved
+    away, side = np.abs(x - edge), np.sign(x - edge)
+    step = np.minimum((away / NEAR * STEPS).astype(int), STEPS - 1)
+    rise = np.bincount(step, side * y, STEPS) / np.maximum(np.bincount(step, minlength=STEPS), 1)
     middles = (np.arange(STEPS) + 0.5) / STEPS * NEAR
-    even = np.sign(x) * np.interp(np.abs(x), [0, *middles], [0, *rise])
-    return np.asarray(even * (x @ x) / max(float(even @ x), 1e-9))
+    even = np.interp(away, [0, *middles], [0, *rise])
+    return np.asarray(edge + side * even * (away @ away) / max(float(even @ away), 1e-9))
 
 
 def _fitted(tile: NDArray[np.intp], y: Array, sign: Array, odd: Array) -> tuple[Array, Array]:

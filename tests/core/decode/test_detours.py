@@ -122,6 +122,6 @@ def test_edges_seen_from_one_side_are_where_they_are() -> None:
     corner = (tile % TILES > TILES - 4) & (tile // TILES > TILES - 4)
     x[corner] = rng.uniform(-0.9, 0.05, np.count_nonzero(corner))
     y = erf(x / 0.6) + rng.normal(0, 0.05, n)
-    for odd, least, most in ((x, 8.0, np.inf), (_evenly(x, y), 0.0, 4.0)):
+    for odd, least, most in ((x, 8.0, np.inf), (_evenly(x, y, sign), 0.0, 4.0)):
         (offset, *_), variance = _fitted(tile, y, sign, odd)
         assert least < abs(offset[-2, -2]) / np.sqrt(variance[-2, -2]) < most
