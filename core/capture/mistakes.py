@@ -29,6 +29,7 @@ EVEN = 0.9  # of them where no edges are
 PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mistake, likelier than another pattern
 BEYOND, LEFT = 0.02, 0.06  # of all pixels: explained by more lines at least, and left by them at most
 MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines explain them; of 24 sound axes none
+NEAR = 0.05  # another period than described, relative: a slip, not a multiple
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
@@ -155,6 +156,12 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
         yield text, values[beside], patterns
     phases = [p for p in patterns if isinstance(p, Phase)]
     codes = [p for p in patterns if isinstance(p, Code)]
+    others = [
+        (p, q, abs(q / p - 1) < NEAR) for p in sorted({p.period for p in phases}) for q in _other_periods(p, codes)
+    ]
+    for period, other, near in others:
+        if near:  # before shifts, which explain half of the field
+            yield _of_period(period, other, own, patterns)
     if phases:
         yield "they fit if the phase steps run the other way: the sign of shift_rad", own, _phases(patterns, sign=-1)
         for sign, way in ((1, ""), (-1, " and run the other way")):
@@ -162,10 +169,9 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
                 when = f"{abs(turn):g}° {'later' if turn > 0 else 'earlier'}"
                 words = f"they fit if the phase steps begin {when}{way}"
                 yield f"{words}: shift_rad", own, _phases(patterns, sign=sign, shift=turn * pi / 180)
-    for period in sorted({p.period for p in phases}):
-        for other in _other_periods(period, codes):
-            changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
-            yield f"they fit with a period of {other:g} lines, not {period:g}", own, changed
+    for period, other, near in others:
+        if not near:
+            yield _of_period(period, other, own, patterns)
     if codes:
         own_cell = codes[0].cell
         for cell in (own_cell / 2, own_cell * 2, own_cell / 4, own_cell * 4, own_cell - 1, own_cell + 1):
@@ -179,6 +185,13 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
         yield "they fit with the bits in reverse order", own, changed
         changed = [replace(p, inverse=not p.inverse) if isinstance(p, Code) else p for p in patterns]
         yield "they fit if the code is inverted", own, changed
+
+
+def _of_period(
+    period: float, other: float, own: Array, patterns: Sequence[Pattern]
+) -> tuple[str, Array, Sequence[Pattern]]:
+    changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
+    return f"they fit with a period of {other:g} lines, not {period:g}", own, changed
 
 
 def _beside(plan: Plan, looked: Looked) -> list[int] | None:

@@ -220,11 +220,13 @@ def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Findin
         if grey.shape[1] < LEAST_LIT or abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
             continue  # less than a period is seen
         pairs = [(i, k, 1 - np.cos(shifts[i] - shifts[k])) for i, k in combinations(range(len(own)), 2)]
-        squares = {
-            (own[i], own[k]): float(np.mean((grey[i] - grey[k]) ** 2)) / meant for i, k, meant in pairs if meant > FAR
-        }
-        usual, (least, (first, second)) = median_of([*squares.values()]), min((s, pair) for pair, s in squares.items())
-        if least < DOUBLED * usual and 2 * noise**2 < DOUBLED * FAR * usual:
+        pairs = [pair for pair in pairs if pair[2] > FAR]
+        squares = [float(np.mean((grey[i] - grey[k]) ** 2)) for i, k, _ in pairs]
+        ratios = [square / meant for square, (*_, meant) in zip(squares, pairs, strict=True)]
+        at_least = int(np.argmin(ratios))
+        least, usual = ratios[at_least], median_of(ratios)
+        if least < DOUBLED * usual and squares[at_least] < DOUBLED * median_of(squares):
+            first, second = (own[n] for n in pairs[at_least][:2])
             text = (
                 f"frames {first} and {second} show the same stripes: they differ by {(least / usual) ** 0.5:.0%} of "
                 "what their shifts make; one stands for the other, or the projector did not change: record it again"

@@ -38,8 +38,9 @@ def _look(project: Project, captures: list[Capture]) -> Look:
     bars = [("scale", project.scale), *((f"lengths, entry {i}", bar) for i, bar in enumerate(project.lengths))]
     for where, end in ((where, end) for where, bar in bars if bar is not None for end in (bar.start, bar.stop)):
         if end not in known:
-            seen = f"names target row {end[0]}, col {end[1]}, which the testfield lacks"
-            raise InputError(f"{project.path / 'project.json'}: {where}", seen, "name two targets of the testfield")
+            seen = f"names target row {end[0]}, col {end[1]}, which the testfield of {captures[0].name} lacks"
+            remedy = "name two of its targets, or correct testfield in capture.json if another board was captured"
+            raise InputError(f"{project.path / 'project.json'}: {where}", seen, remedy)
     return look_at_boards(project, captures)
 
 

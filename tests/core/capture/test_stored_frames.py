@@ -135,6 +135,7 @@ DESCRIBED = {
     "phase a step late": (of(Phase, shift_rad=lambda p: p.shift_rad + np.pi / 2), "shift_rad|90°"),
     "phase reversed": (of(Phase, shift_rad=lambda p: -p.shift_rad), "shift_rad|other way"),
     "period doubled": (of(Phase, period=lambda p: 2 * p.period), "period|contradict"),
+    "period 0.5 % too long": (of(Phase, period=lambda p: 1.005 * p.period), "fit with a period of (4|16)"),
     "cell doubled": (of(Code, cell=lambda p: 2 * p.cell), "cell|contradict|steadily"),
     "cell too large by one": (of(Code, cell=lambda p: p.cell + 1), "cell of|lines"),
     "bits reversed": (of(Code, bit=lambda p: p.bits - 1 - p.bit), "reverse order|contradict|steadily"),
@@ -335,18 +336,19 @@ def test_phase_steps_that_begin_one_of_six_late_are_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell", "period", "steps", "profile"), [(2, 4.0, 4, "square"), (8, 16.0, 8, "sine"), (6, 12.0, 3, "sine")]
+    ("cell", "period", "steps", "profile", "light"),
+    [(2, 4.0, 4, "square", 1.0), (2, 4.0, 4, "square", 0.3), (8, 16.0, 8, "sine", 1.0), (6, 12.0, 3, "sine", 1.0)],
 )
 def test_a_step_that_was_recorded_twice_is_named_though_its_noise_is_another(
-    cell: int, period: float, steps: int, profile: str
+    cell: int, period: float, steps: int, profile: str, light: float
 ) -> None:
     each = (gray_and_phase(a, 160, cell=cell, periods=[period], steps=steps, profile=profile) for a in "xy")  # type: ignore[arg-type]
     patterns = [*chain(*each), White(), Black()]
-    images = render(patterns, 3)
+    images = [np.rint(light * image).astype(np.uint8) for image in render(patterns, 3)]
     own = [k for k, p in enumerate(patterns) if isinstance(p, Phase)]
     assert not told(patterns, images)
     for k in (own[1], own[-1]):
-        noise = np.random.default_rng(k).normal(0, 1.5, images[k].shape)
+        noise = np.random.default_rng(k).normal(0, 1.5 * light**0.5, images[k].shape)
         again = [*images[:k], np.clip(np.rint(images[k - 1] + noise), 0, 255).astype(np.uint8), *images[k + 1 :]]
         assert told(patterns, again).startswith(f"frames {k - 1} and {k} show the same stripes")
 
