@@ -151,6 +151,7 @@ def test_picks_that_contradict(
     picks = quick / "captures/testfield-03/picks.json"
     seeds = json.loads(picks.read_text())["seeds"]
     edit_json(picks, seeds=change(seeds))
+    edit_json(quick / "project.json", captures=["captures/testfield-03"])
     told = refused("measure", quick)
     assert "testfield-03" in told
 

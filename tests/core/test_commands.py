@@ -112,6 +112,7 @@ def test_reconstruct_writes_points(calibrated: Path, tmp_path: Path, method: str
         assert f"element vertex {points}\n".encode() in out.read_bytes()[:2000]
 
 
+@pytest.mark.usefixtures("plain_reports")
 def test_report_writes_html_and_pdf(calibrated: Path, tmp_path: Path) -> None:
     paths = run("report", calibrated, "--out", tmp_path / "report", tmp_path=tmp_path)
     assert "<table" in Path(paths["html"]).read_text(encoding="utf-8")

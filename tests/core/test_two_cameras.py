@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -43,13 +44,15 @@ from core.report.numbers import volume_table
 from tests.copies import copied
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    folder = tmp_path_factory.mktemp("two") / "project"
+def calibrated(folder: Path) -> None:
     simulate_project(folder, "stereo", 0)
     assert main(["calibrate", str(folder), "--json", str(folder / "calibration.json")]) == 0
     assert main(["evaluate", str(folder), "--json", str(folder / "evaluation.json")]) == 0
-    return read_project(folder)
+
+
+@pytest.fixture(scope="module")
+def project(once: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Project:
+    return read_project(copied(once("stereo", calibrated), tmp_path_factory.mktemp("two") / "project"))
 
 
 def test_the_demo_tells_the_verdicts_of_whatever_methods_there_are(project: Project, capsys, monkeypatch) -> None:

@@ -120,9 +120,9 @@ def test_measuring_shows_targets_and_points_at_the_chosen_one(open_window, windo
 
 
 def test_from_calibrating_to_the_exported_report(
-    open_window, window, answers, notices, project, tmp_path, qtbot
+    open_window, window, answers, notices, calibrated, tmp_path, qtbot
 ) -> None:
-    page = open_window(project, "calibrate")
+    page = open_window(calibrated, "calibrate")
     with qtbot.waitActive(window):
         qtbot.keyClick(window, Qt.Key.Key_F5)
     idle(window, qtbot)

@@ -47,7 +47,7 @@ def test_a_board_that_is_roughly_known_is_taken_as_told(simulate):
     assert np.allclose(moved.mean(axis=0), 0, atol=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_rough_points_of_a_flat_field_far_away_do_not_turn_stations_over(simulate, seed):
     """Seen within 4° each pose has a twin, inclined to the other side, that fits rough points as well."""
     camera = DeviceSpec(2448, 2048, (0.00345, 0.00345), 100.0)

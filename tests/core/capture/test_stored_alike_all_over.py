@@ -36,9 +36,7 @@ def without_code(*periods: float) -> list[Pattern]:
     [
         (4, 8.0, 4, "sine", 2.2),
         (8, 16.0, 3, "sine", 1.0),
-        (8, 16.0, 3, "sine", 2.2),
         (5, 10.0, 5, "sine", 0.6),
-        (2, 4.0, 4, "square", 0.6),
         (2, 4.0, 4, "square", 2.2),
     ],
 )
@@ -63,7 +61,6 @@ def test_phase_steps_half_a_line_off_are_named(
     ("patterns", "period", "factor", "gamma"),
     [
         (shown(4, 8.0, 4), 8.0, 0.99, 1.0),
-        (shown(4, 8.0, 4), 8.0, 1.01, 2.0),
         (shown(4, 8.0, 4), 8.0, 0.997, 2.0),
         (shown(5, 10.0, 5), 10.0, 1.003, 1.0),
         (shown(2, 4.0, 4, "square"), 4.0, 0.997, 1.0),

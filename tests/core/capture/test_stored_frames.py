@@ -264,8 +264,7 @@ def told_at_import(patterns: list[Pattern], images: Frames) -> str:
     return "; ".join(f.text for f in _verified(plan, images, LINES, phase) if f.level == "bad")
 
 
-@pytest.mark.parametrize("gamma", [0.45, 2.2])
-@pytest.mark.parametrize("name", list(SEQUENCES))
+@pytest.mark.parametrize(("name", "gamma"), [("reference", 0.45), ("sine", 2.2)])
 def test_a_response_is_no_contradiction_where_frames_are_taken_or_imported(name: str, gamma: float) -> None:
     patterns = list(SEQUENCES[name])
     images = render(patterns, 11, gamma=gamma)
@@ -311,7 +310,7 @@ def test_raw_frames_of_a_colour_camera_and_frames_stretched_one_by_one_are_named
     assert "neighbouring" not in told(patterns, stretched)
 
 
-@pytest.mark.parametrize(("bits", "shift"), [(8, 0), (8, 8), (10, 0), (12, 0), (12, 4), (16, 0)])
+@pytest.mark.parametrize(("bits", "shift"), [(8, 0), (8, 8), (12, 0), (12, 4), (16, 0)])
 @pytest.mark.parametrize("level", [1.0, 0.02])
 def test_exchanged_bytes_are_named(bits: int, shift: int, level: float, taken: tuple[list[Pattern], Frames]) -> None:
     """Values of `bits` in 16, at the lower end or shifted up; in good light, and where noise is most of it."""
@@ -436,6 +435,7 @@ def test_white_beside_words_of_blurred_lines_is_not_dark() -> None:
 
 def test_frames_exchanged_between_the_axes_are_named() -> None:
     patterns = list(SEQUENCES["reference"])
+    images = render(patterns, 13)
     for mine, other in ((2, 13), (4, 15)):
-        found = told(patterns, swapped(render(patterns, 13), mine, other), "object")
+        found = told(patterns, swapped(images, mine, other), "object")
         assert f"frames {mine} and {other} were exchanged" in found

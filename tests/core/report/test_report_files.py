@@ -48,16 +48,10 @@ class Page(HTMLParser):
         return [attrs for name, attrs in self.elements if name == tag]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("report")
-
-
 @pytest.fixture
-def paths(data, folder):
-    """The whole report, written once."""
-    if not (folder / "report.pdf").exists():
-        write_report(data, folder)
+def paths(data, once):
+    """The whole report, written once for all workers."""
+    folder = once("report", lambda folder: write_report(data, folder))
     return folder / "report.html", folder / "report.pdf"
 
 
