@@ -12,6 +12,7 @@ identity.py  which pattern a frame shows, told from the images alone
 lookup.py    ... and what patterns look like on every projector line
 importing.py frames that came from elsewhere: ordered, checked, copied whole
 recognise.py ... which of them shows which pattern, found from the images alone
+proof.py     ... whether that order is the only one
 quality.py   saturation, modulation, movement, the lamp
 stored.py    captures that were recorded before, by whatever program, judged as a whole
 pixels.py    ... how their frames were stored: bytes, compression, mosaics, size

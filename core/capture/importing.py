@@ -14,6 +14,7 @@ import numpy as np
 
 from core.atomic import part_prefix, sweep, unwritable
 from core.capture.plan import Plan, make_plan
+from core.capture.proof import prove
 from core.capture.quality import modulation, noise_of_one, sample_grid, saturation, summarise
 from core.capture.recognise import order_in_words, recognise
 from core.capture.stored import check_stored
@@ -55,7 +56,6 @@ def import_frames(
     sequence: SequenceSpec | None = None,
     order: str | None = None,
     decoded: Decoded | None = None,
-    confirm: Callable[[PhaseMap], str] | None = None,
     progress: Progress = SILENT,
 ) -> ImportReport:
     """Copy frames into ``captures/NAME`` of a project and add the capture to it; whole or not at all.
@@ -73,9 +73,8 @@ def import_frames(
         "content": what each shows is found from the images. Without it "list" where the sequence names files, else
         "name".
     decoded : callable, optional
-        Decodes images by their patterns and the projector's columns and rows: the checks see more then.
-    confirm : callable, optional
-        Looks at what was decoded in the order found by content, says how sure it is, and raises where it is wrong.
+        Decodes images by their patterns and the projector's columns and rows: the checks see more then, and an order
+        found by content is taken only if it is the only one.
 
     Raises
     ------
@@ -102,9 +101,7 @@ def import_frames(
     series = []
     for i, (plan, (whose, own)) in enumerate(zip(plans, parts, strict=True)):
         part = progress.part(0.9 * i / len(plans), 0.9 * (i + 1) / len(plans))
-        series.append(
-            _read(project, plan, whose, [files[k] for k in own or range(len(files))], by, decoded, confirm, part)
-        )
+        series.append(_read(project, plan, whose, [files[k] for k in own or range(len(files))], by, decoded, part))
     progress.check()
     converted = _write(target, series, str(folder.resolve()))
     try:
@@ -173,7 +170,6 @@ def _read(
     files: list[Path],
     by: str,
     decoded: Decoded | None,
-    confirm: Callable[[PhaseMap], str] | None,
     progress: Progress,
 ) -> _Series:
     """Read the frames of a series and see whether they are what they should be."""
@@ -192,8 +188,8 @@ def _read(
         if by == "content":
             raise
         words.append(f"the frames do not decode: {error.seen}; {error.remedy}")
-    if by == "content" and confirm is not None and phase is not None:
-        words.append(confirm(phase))
+    if by == "content" and phase is not None:
+        words += prove(patterns, phase, lines, str(files[0].parent))
     _check_twice(files, images, patterns, lines)
     progress(0.7, "verifying")
     findings = _verified(plan, images, lines, phase)

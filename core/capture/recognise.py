@@ -46,7 +46,7 @@ def recognise(
     """Give for every pattern the number of the image that shows it; `lines` are the projector's columns and rows.
 
     The projector's picture is taken to stand upright in the camera's where the images do not tell: mirrored, turned
-    words can be words of the same code.
+    words can be words of the same code. Whether another order is possible is for `proof` to say.
     """
     for axis in ("x", "y"):
         uses = {use_of(p) for p in patterns if axis_of(p) == axis}
@@ -209,16 +209,15 @@ def _of_bits(patterns: Sequence[Pattern]) -> tuple[list[Exchanges], list[Exchang
     """Which frames to exchange to turn each bit of all numbers over, and for what else makes words of the words: from
     one bit of a Gray code on all are turned over, or two are exchanged.
 
-    Only codes with inverse frames allow for that.
+    Bits can only be turned over by their inverse frames.
     """
     frames = {(p.bit, p.inverse): k for k, p in enumerate(patterns) if isinstance(p, Code)}
-    both = {
-        bit: (k, frames[bit, True]) for (bit, inverse), k in frames.items() if not inverse and (bit, True) in frames
-    }
+    each = {bit: [frames[key] for key in ((bit, False), (bit, True)) if key in frames] for bit, _ in sorted(frames)}
+    both = {bit: (own[0], own[1]) for bit, own in each.items() if len(own) == 2}
     gray = any(isinstance(p, Code) and p.kind == "gray" for p in patterns)  # a bit of the number is in two of the code
-    over = [[both[b] for b in (bit, bit + 1)[: 1 + gray] if b in both] for bit in sorted(both)]
-    exchanged = [[*zip(both[a], both[b], strict=True)] for a, b in combinations(sorted(both), 2)]
-    return over, [*([both[bit]] for bit in sorted(both) if gray), *exchanged]
+    over = [[both[b] for b in (bit, bit + 1)[: 1 + gray] if b in both] for bit in both]
+    exchanged = [[*zip(each[a], each[b], strict=False)] for a, b in combinations(each, 2)]
+    return over, [*([pair] for pair in both.values() if gray), *exchanged]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,9 +24,6 @@ from core.project.made import foreign
 if TYPE_CHECKING:
     from core.capture.importing import ImportReport
 
-# of orders found by content, measured on shuffled captures of five sequences on five scenes: right ones have no jumps
-# but at steps of depth, wrong ones 0.1 % and more, or an axis that loses a tenth of its pixels
-JUMPING, EVEN = 8e-4, 0.95
 IMAGES = re.compile(r"\d{3,}\.png|capture\.json")
 
 
@@ -142,35 +139,5 @@ def import_into(
         sequence=sequence,
         order=order,
         decoded=decoded,
-        confirm=_steady(str(frames)),
         progress=progress,
     )
-
-
-def _steady(where: str) -> Callable[[PhaseMap], str]:
-    """Give what looks whether frames ordered by content decode to coordinates that run steadily over the image."""
-
-    def confirm(phase: PhaseMap) -> str:
-        maps = [m for m in (phase.u, phase.v) if np.isfinite(m).any()]
-        valid = [int(np.isfinite(m).sum()) for m in maps]
-        jumping = max(map(_jumping, maps), default=1.0)
-        if min(valid, default=0) < EVEN * max(valid, default=1) or jumping > JUMPING:
-            raise InputError(
-                where,
-                "no order of the images is sure: the likeliest gives coordinates that jump from pixel to pixel",
-                "order the files by name, or by a list that says what each shows",
-            )
-        share = min(valid) / maps[0].size
-        return (
-            f"in this order {share:.1%} of the pixels decode; between {jumping:.3%} of neighbours the coordinate jumps "
-            f"(a wrong order gives {JUMPING:.2%} and more)"
-        )
-
-    return confirm
-
-
-def _jumping(place: NDArray[np.float32]) -> float:
-    """Share of neighbouring pixels between which a coordinate jumps."""
-    steps = np.concatenate([np.abs(np.diff(place, axis=axis)).ravel() for axis in (0, 1)])
-    steps = steps[np.isfinite(steps)]
-    return float(np.mean(steps > max(2.0, 6 * float(np.median(steps))))) if len(steps) else 1.0
