@@ -44,8 +44,7 @@ USUAL = 0.6  # part of the usual contrast that a code alone must have
 RESOLVED = 0.15  # part of the whole contrast that a fine bit must have in the mean for its sign to tell anything
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
 AROUND = 0.03  # part of the pixels to either side of the median that tell the middle between on and off
-HALF_SHOWN = 0.5  # part of half the contrast that bits have in the mean
-OFF = 0.1  # of half the contrast: nearer to the middle a threshold stays
+OFF, FARTHEST = 0.1, 0.7  # of half the contrast: nearer to the middle a threshold stays; farther is black or white
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
@@ -327,15 +326,10 @@ def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < FEWEST:
         return table
-    for bit, sign in zip(bits[::-1], table.sign[::-1], strict=True):
-        level = (bit + sign * threshold)[lit] / contrast[lit]
-        if np.mean(np.abs(level)) > HALF_SHOWN:
-            break
-    else:
-        return table
+    level = (bits[-1] + table.sign[-1] * threshold)[lit] / contrast[lit]
     # of sharp stripes the median may be anywhere between the levels
     middle = -table.sign[-1] * float(np.mean(np.quantile(level, (0.5 - AROUND, 0.5 + AROUND))))
-    if abs(middle) < OFF:
+    if not OFF <= abs(middle) <= FARTHEST:
         return table
     rows = [
         {f: float(v) for f, v in zip(table.rows.column[a:b].tolist(), table.rows.value[a:b], strict=True)}

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from core.decode import decode
 from core.patterns import Black, White, brightness, gray_and_phase
+from tests.core.decode.conftest import Bench
 
 LINES, FINE = 128, 20
 
@@ -79,3 +80,13 @@ def test_a_cameras_gamma_does_not_move_edges(gamma: float) -> None:
         assert 0.8 < np.sqrt(np.mean(np.square(error / phase.sigma_u[known]))) < 1.1
         rms.append(np.sqrt(np.mean(error**2)))
     assert rms[1] < 1.2 * rms[0]
+
+
+@pytest.mark.parametrize(("cell", "first", "last"), [(32, 10, 110), (16, 30, 75), (32, 40, 100)])
+def test_few_wide_stripes_are_read_though_more_of_them_are_lit(cell: int, first: int, last: int) -> None:
+    """Of sharp stripes the middle pixel is black or white; read about that, up to half the pixels were a cell off."""
+    patterns = [*gray_and_phase("x", LINES, cell=cell, periods=[]), White(), Black()]
+    u = np.tile(np.linspace(first, last, 200), (60, 1))
+    phase = decode(patterns, Bench(u, lines=(LINES, 1)).take(patterns), lines=(LINES, 1))
+    assert np.isfinite(phase.u).all()
+    assert np.abs(phase.u - u).max() < 0.5 * cell + 2
