@@ -9,7 +9,7 @@ import numpy as np
 
 from core.decode.compiled import HALF, INT, NONE, ONE, ZEROTH, F, part, pixel_sum, turn_of
 from core.decode.options import Flag
-from core.decode.words import COARSEST, cell_of, coarser, word_of
+from core.decode.words import cell_of, coarser, coarsest, word_of
 
 UNSURE, DISAGREEMENT = INT(Flag.UNSURE), INT(Flag.DISAGREEMENT)
 
@@ -30,7 +30,7 @@ def settle(table, source, limits, turns, noise, seen, count, soft, place, flags)
     if anything == NONE:
         return
     gray, cell, lines, steps, fading = table.gray, table.cell, table.lines, table.steps, table.fading
-    period = table.step_period[0] if len(steps) > 0 else F(0)
+    period, most = table.step_period[0] if len(steps) > 0 else F(0), coarsest(fading)
     dark, shot, floor = limits.dark, limits.shot, limits.floor
     soft = soft[: len(fading)]
     for i in range(count):
@@ -47,7 +47,7 @@ def settle(table, source, limits, turns, noise, seen, count, soft, place, flags)
             sigma = period * np.sqrt(noise[i])
             place[i], certain = most_likely(gray, cell, lines, period, sigma, blunt, soft, word[i], loose, turn)
             if not certain and gray and period == F(0) and unsure[i] != NONE:
-                middle, noise[i] = coarser(word[i], unsure[i], COARSEST)
+                middle, noise[i] = coarser(word[i], unsure[i], most, most)
                 place[i], certain = middle * cell - HALF, noise[i] != F(0)
             if not certain:
                 flags[i] |= UNSURE if unsure[i] != NONE else DISAGREEMENT

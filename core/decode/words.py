@@ -30,7 +30,7 @@ NOISE_BIT = F(3.5)  # a bit nearer to its threshold, in standard deviations, is 
 EDGE = F(0.35)  # cells: how far from the edge of a cell code and phase may see it
 CLOSE = F(0.2)  # lines: so near to an edge of binary code all bits that change there are unsure
 TWO_PLACES = INT(1 << 30)  # no bit, but a reason for doubt
-COARSEST = 3  # lowest bits that code alone may do without, where fine stripes are blurred
+COARSEST = INT(3)  # lowest bits that code alone may do without, or one more than are blurred everywhere
 BLURRED = F(4)  # stands for the contrast of a bit that is not resolved: it is always unsure
 NEAR = F(0.6)  # part of half the contrast: a bit nearer to its threshold is at an edge
 
@@ -172,16 +172,25 @@ def cell_of(gray, word):  # type: ignore[no-untyped-def]
 
 
 @part
-def coarser(word, unsure, more):  # type: ignore[no-untyped-def]
+def coarsest(fading):  # type: ignore[no-untyped-def]
+    """How many of its lowest bits a code alone may do without."""
+    blurred = ZEROTH
+    for b in range(len(fading)):
+        blurred += 1 if fading[b] == BLURRED else 0
+    return max(COARSEST, INT(blurred + 1))
+
+
+@part
+def coarser(word, unsure, more, most):  # type: ignore[no-untyped-def]
     """Place (cells) and width (cells; 0: none) that Gray code tells without its lowest bits.
 
-    Those that are unsure are left out, and `more` if need be, until none of the others is unsure or one that changes at
-    the edge of two cells of that width: there the place is the edge.
+    Those that are unsure are left out, and `more` if need be, `most` in all, until none of the others is unsure or one
+    that changes at the edge of two cells of that width: there the place is the edge.
     """
     least = ZEROTH
     while (unsure >> least) & 1 != NONE:
         least += 1
-    for k in range(least, min(least + more, COARSEST) + 1):
+    for k in range(least, min(least + more, most) + 1):
         rest, kept, width = INT(unsure >> k), INT(word >> k), F(INT(1) << k)
         here = cell_of(True, kept)
         if rest == NONE:
@@ -227,7 +236,7 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
             place[i] = (F(cell_of(gray, word[i])) + HALF) * cell - HALF
             noise[i], doubtful[i] = ONE, unsure[i] & ~_side_of(word[i], unsure[i], near[i])
         if gray:
-            _locate_edges(cell, word, unsure, count, place, noise, doubtful)
+            _locate_edges(table, word, unsure, count, place, noise, doubtful)
         return
     combine(table.steps[0], table.step_error[0], turns, variance, count, place, noise)
     if gray:
@@ -237,11 +246,12 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
 
 
 @part
-def _locate_edges(cell, word, unsure, count, place, cells, doubtful):  # type: ignore[no-untyped-def]
+def _locate_edges(table, word, unsure, count, place, cells, doubtful):  # type: ignore[no-untyped-def]
     """Gray code alone where bits are unsure: the edge where one changes, or a wider cell without the fine ones."""
+    cell, most = table.cell, coarsest(table.fading)
     for i in range(count):
         if unsure[i] != NONE:
-            middle, width = coarser(word[i], unsure[i], 0)
+            middle, width = coarser(word[i], unsure[i], 0, most)
             found = width != F(0)
             place[i] = middle * cell - HALF if found else place[i]
             cells[i] = width if found else ONE

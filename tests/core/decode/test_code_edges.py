@@ -54,6 +54,21 @@ def test_dim_bits_claim_no_more_than_a_cell(blur_lines: float) -> None:
     assert 0.5 < np.sqrt(np.mean(error**2)) < 1.1
 
 
+@pytest.mark.parametrize("blur_lines", [5.0, 8.0])
+def test_bits_of_which_two_edges_are_blurred_into_each_other_leave_a_wider_cell(blur_lines: float) -> None:
+    """Stripes of 1, 2 and 4 lines are not resolved, and near edges of those of 8 those of 16 are unsure, too.
+
+    A quarter of the pixels had no coordinate.
+    """
+    rng = np.random.default_rng(4)
+    u = places(200, rng)
+    phase = decode(*taken(blur_lines, 100, 1, u, rng), lines=(LINES, 1))
+    known = np.isfinite(phase.u)
+    assert known.mean() > 0.99
+    assert np.all(np.abs(phase.u - u)[known] < 4 * phase.sigma_u[known])
+    assert np.quantile(phase.sigma_u[known], 0.7) < 1.01 * 8 / np.sqrt(12)  # and no wider than need be
+
+
 @pytest.mark.parametrize("gamma", [0.6, 1.4, 2.2])
 def test_a_cameras_gamma_does_not_move_edges(gamma: float) -> None:
     """Without inverse frames the threshold is halfway between white and black in grey values, not in light.
