@@ -23,6 +23,7 @@ kernel.py     the one compiled pass over the pixels; its steps:
   compiled.py   the bricks: grey values by address, sums over frames, the angle
 estimate.py   on demand: every pixel adjusted to all its frames, the blur found tile by tile
   refined.py    its kernels
+codes.py      on demand: places within the cells of codes that have no phases
 compressed.py frames compressed with losses, and what that does to phases
 footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
 islands.py    coordinates that nothing around vouches for

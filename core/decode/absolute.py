@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.agreement import contradiction, refuse_open_orders, widen
+from core.decode.codes import codes_alone, refine_codes
 from core.decode.compressed import COMPRESSED, roughness
 from core.decode.curves import LEVELS
 from core.decode.detours import bent_by, second_light
@@ -179,6 +180,8 @@ def decode(
         misfit = misfit.reshape(found.shape)
     _draw_and_doubt(found, sequence, seen)
     phase = _phase_map(found, misfit, doubts, patterns, arrays, seen)
+    if options.estimate and (alone := codes_alone(seen.tables)):
+        phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
     return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase
 
 

@@ -51,4 +51,4 @@ class DecodeOptions:
     #: grey value from which a pixel counts as saturated; by default the container's largest value, or the largest value
     #: seen in 16-bit files when that is the full scale of a sensor with fewer bits
     saturation: float | None = None
-    estimate: bool = False  #: refine the coordinates by all frames (`core.decode.estimate`): less noise, more time
+    estimate: bool = False  #: refine the coordinates by all frames (`estimate`, `codes`): less noise, more time

@@ -7,6 +7,7 @@ footprint.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -15,11 +16,25 @@ from scipy.special import erf
 
 from core.decode import DecodeOptions, Flag, decode
 from core.model import PhaseMap
-from core.patterns import Pattern, brightness, gray_and_phase, parse_sequence, reference_sequence
+from core.patterns import (
+    Black,
+    Code,
+    Pattern,
+    White,
+    brightness,
+    gray_and_phase,
+    parse_sequence,
+    reference_sequence,
+)
 from core.pipeline import decode_capture
+from tests.core.decode.conftest import Bench
 
 N = 640
 REFINED = DecodeOptions(estimate=True)
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(error))))
 
 
 def both(patterns: list[Pattern], images: list[np.ndarray], lines: int) -> tuple[PhaseMap, PhaseMap]:
@@ -222,3 +237,34 @@ def test_light_that_contradicts_the_patterns_does_no_harm(bench, judge, fringes:
 
     assert refined.rms < 1.02 * plain.rms  # the sampling of 64,000 pixels' noise is 0.3 %
     assert 0.9 < refined.sigma_ratio / plain.sigma_ratio < 1.1
+
+
+@pytest.mark.parametrize(
+    ("kind", "inverse", "blur"), [("gray", True, 1.2), ("gray", False, 3.0), ("binary", True, 0.6)]
+)
+def test_a_code_alone_tells_parts_of_a_line(kind: Literal["gray", "binary"], inverse: bool, blur: float) -> None:
+    """Without all frames a coordinate is the middle or the edge of a cell, of several lines where fine bits fade."""
+    patterns: list[Pattern] = [White(), Black()]
+    for axis, count in (("x", 256), ("y", 200)):
+        codes = gray_and_phase(axis, count, cell=1, periods=[], inverse=inverse)
+        patterns += [replace(p, kind=kind) for p in codes if isinstance(p, Code)]
+    y, x = np.mgrid[:100, :120]
+    truth = 20 + 1.3 * x + 0.1 * y + 2 * np.sin(y / 9), 15 + 1.1 * y - 0.05 * x
+    images = Bench(*truth, lines=(256, 200), blur=blur).take(patterns)
+    plain, refined = (decode(patterns, images, lines=(256, 200), options=o) for o in (DecodeOptions(), REFINED))
+    for axis, place in zip("uv", truth, strict=True):
+        before, after = getattr(plain, axis) - place, getattr(refined, axis) - place
+        known = np.isfinite(after)
+        assert known.mean() >= max(np.isfinite(before).mean(), 0.99)
+        assert rms(after[known]) < rms(before[np.isfinite(before)]) / 3
+        assert 0.85 < rms((after / getattr(refined, f"sigma_{axis}"))[known]) < 1.15
+    assert np.array_equal(refined.flags == 0, np.isfinite(refined.u) & np.isfinite(refined.v))
+
+
+def test_a_code_whose_words_repeat_stays_as_it_is() -> None:
+    """In cells of four lines the middle ones show the same, as long as blur is slight."""
+    patterns = [*gray_and_phase("x", 256, cell=4, periods=[], inverse=True), White(), Black()]
+    images = Bench(np.linspace(20, 200, 6000).reshape(60, 100), lines=(256, 1)).take(patterns)
+    plain, refined = (decode(patterns, images, lines=(256, 1), options=o) for o in (DecodeOptions(), REFINED))
+    assert np.array_equal(plain.u, refined.u, equal_nan=True)
+    assert np.array_equal(plain.sigma_u, refined.sigma_u, equal_nan=True)
