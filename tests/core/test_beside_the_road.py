@@ -228,6 +228,7 @@ def test_calibrations_over_the_working_volume(tmp_path, calibrated_original, cap
     assert "no photogrammetric calibration of run 7" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("plain_reports")
 def test_a_project_that_may_only_be_read_is_judged(evaluated: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     """Nothing is written into it, `report` takes a place elsewhere, and a dead lock is in nobody's way."""
     (evaluated / "results" / ".lock").write_text("{}")

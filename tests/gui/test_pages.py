@@ -100,7 +100,8 @@ def test_the_decode_page_shows_every_map_with_levels_of_the_device(open_window, 
     assert "±" in page.view._extra(int(u), int(v))
 
 
-def test_decoding_everything_marks_the_stage_done(open_window, window, project: Path, qtbot) -> None:
+def test_decoding_everything_marks_the_stage_done(open_window, window, project: Path, edit_json, qtbot) -> None:
+    edit_json(project / "project.json", captures=["captures/testfield-01", "captures/depth-01", "captures/plane+00"])
     page = open_window(project, "decode")
     click(page.all_button, qtbot)
     idle(window, qtbot)
@@ -108,7 +109,10 @@ def test_decoding_everything_marks_the_stage_done(open_window, window, project: 
     assert (project / "results" / "decode.json").is_file()
 
 
-def test_measuring_shows_targets_and_points_at_the_chosen_one(open_window, window, project: Path, qtbot) -> None:
+def test_measuring_shows_targets_and_points_at_the_chosen_one(
+    open_window, window, project: Path, edit_json, qtbot
+) -> None:
+    edit_json(project / "project.json", captures=["captures/testfield-01", "captures/testfield-02"])
     page = open_window(project, "measure")
     assert len(page._shown.marks.picks) == 4
     click(page.run_button, qtbot)

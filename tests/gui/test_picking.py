@@ -12,7 +12,7 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
 
 from core.model import Seed, TargetSet
-from core.pipeline import measure_project
+from core.pipeline.measure import kept_targets
 from core.pipeline.picking import current_target_sets
 from core.project import kept_picks, read_project
 from stripe_gui.presenters.stages import State
@@ -93,7 +93,7 @@ def operator(window, qtbot, unpicked: Path) -> Operator:
     return Operator(window, qtbot, unpicked)
 
 
-def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, recorded: Path, tmp_path: Path) -> None:
+def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, calibrated_original: Path) -> None:
     page, per_image = operator.page, []
     while window.page is page:
         before = operator.keys
@@ -111,8 +111,7 @@ def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, rec
     assert len(per_image) == 8
     assert np.mean(per_image) <= 4
     found = measured_now(operator.folder)
-    copied(recorded, tmp_path / "original")
-    original = {t.capture: t for t in measure_project(read_project(tmp_path / "original"))}
+    original = {t.capture: t for t in kept_targets(read_project(calibrated_original))}
     for name, targets in found.items():
         assert set(zip(targets.row, targets.col, strict=True)) == set(
             zip(original[name].row, original[name].col, strict=True)

@@ -73,12 +73,12 @@ def test_one_half_turned_and_one_unrecognised_capture_are_told(quick):
     assert not targets["testfield-04"].notes
 
 
-def test_a_pick_beside_any_dot_is_told_and_stops_neither_method(quick):
+def test_a_pick_beside_any_dot_is_told_and_stops_neither_method(calibrated):
     def off(seeds):
         seeds[0].update(u=2.0, v=2.0)
 
-    edit(quick, "depth-02", off)
-    done = calibrate_project(read_project(quick))
+    edit(calibrated, "depth-02", off)
+    done = calibrate_project(read_project(calibrated))
     assert set(done) == {"photogrammetric", "polynomial"}
     told = [*done["polynomial"].warnings, *(x.because for x in done["polynomial"].left_out)]
     assert any("pick 1" in text for text in told)

@@ -17,7 +17,9 @@ def picks_of(folder: Path, name: str) -> Path:
     return folder / "captures" / name / "picks.json"
 
 
-def test_captures_measured_one_by_one_are_those_measured_together(quick: Path) -> None:
+def test_captures_measured_one_by_one_are_those_measured_together(quick: Path, edit_json) -> None:
+    few = ("testfield-01", "testfield-02", "testfield-03", "depth-03")
+    edit_json(quick / "project.json", captures=[f"captures/{name}" for name in few])
     project = read_project(quick)
     together = {t.capture: t for t in measure_project(project)}
     (quick / "results" / "targets.npz").unlink()
@@ -57,10 +59,10 @@ def test_an_excluded_target_is_missing_with_its_reason_and_comes_back(quick: Pat
     np.testing.assert_array_equal(measure_one(project, "testfield-01").camera_uv, before.camera_uv)
 
 
-def test_an_excluded_target_takes_no_part_in_the_calibration(quick: Path) -> None:
-    project = read_project(quick)
+def test_an_excluded_target_takes_no_part_in_the_calibration(calibrated: Path) -> None:
+    project = read_project(calibrated)
     for name in ("testfield-01", "testfield-05"):
-        path = picks_of(quick, name)
+        path = picks_of(calibrated, name)
         write_picks(path, read_picks(path)[0], [(3, 3)])
     calibration = calibrate_project(project, "photogrammetric")["photogrammetric"]
     seen = sum(len(measure_one(project, f"testfield-{i:02d}").row) for i in range(1, 9))
