@@ -12,8 +12,13 @@ from core.model import DeviceSpec, Interior
 SHARE = 8  # one point in so many is misplaced
 
 
-@pytest.mark.parametrize("kind", ["in micrometres", "in metres", "exchanged", "far off"])
-@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "held"),
+    [
+        ("in micrometres", False), ("in metres", False), ("exchanged", False), ("far off", False),
+        ("in micrometres", True), ("exchanged", True),
+    ],
+)  # fmt: skip
 def test_points_told_at_wrong_places_change_nothing_and_are_named(simulate, kind, held):
     network = simulate(seed=3).network
     nominal, wrong = network.point_xyz_mm, np.arange(3, len(network.point_xyz_mm), SHARE)

@@ -16,7 +16,7 @@ from core.devices.scene import FlatScene
 from core.model import Subject
 from core.patterns import Code, Phase, describe, parse_sequence, reference_sequence
 
-SCENES = ["testfield-03", "plane%2B15", "object-step"]
+SCENES = ["testfield-03", "object-step"]
 
 
 @dataclass

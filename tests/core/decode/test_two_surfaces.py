@@ -34,8 +34,7 @@ def _fields(turned: float) -> tuple[Array, Array, Array]:
     return columns, rows, (columns - 100) * np.cos(turned) + (rows - 75) * np.sin(turned)
 
 
-@pytest.mark.parametrize("turned", [0.1, 0.7, 1.4])
-@pytest.mark.parametrize("jump", [3.0, 7.5, 11.0])
+@pytest.mark.parametrize(("jump", "turned"), [(3.0, 0.1), (3.0, 0.7), (7.5, 0.7), (7.5, 1.4), (11.0, 0.1), (11.0, 1.4)])
 def test_a_pixel_that_sees_two_lit_surfaces_carries_it(jump: float, turned: float) -> None:
     columns, rows, beyond = _fields(turned)
     near = {"x": 20 + 0.9 * columns, "y": 15 + 0.9 * rows}
