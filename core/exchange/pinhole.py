@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from core.errors import InputError
-from core.geometry import Pose, calibration_of_pair, distort, image_to_pixel, pair_of, pixel_to_image, project
+from core.geometry import Pose, calibration_of, distort, image_to_pixel, pair_of, pixel_to_image, project
 from core.geometry.lens import MAIN, fitted
 from core.geometry.rotation import cross_matrix
 from core.lazy import dataclass
@@ -50,6 +50,8 @@ class Pinhole:
 class Pair:
     """Camera and projector, and the projector's pose from the camera's: ``X_p = R X_c + t``, OpenCV's axes, mm.
 
+    Or two cameras; `more` are further devices of a file, with R and t from the first one.
+
     `covariance` (30, 30), where it is known, is that of `VALUES` of the camera, of the projector, of a small rotation
     after R and of t.
     """
@@ -59,6 +61,7 @@ class Pair:
     rotation: Array
     translation_mm: Array
     covariance: Array | None = None
+    more: tuple[tuple[Pinhole, Array, Array], ...] = ()
 
 
 def fit_pair(
@@ -204,7 +207,7 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
         raise InputError(
             f"{p.name} of the calibration",
             f"is {p.width} x {p.height}, the one in project.json has {spec.width} x {spec.height}",
-            "import it into a project of the same devices; --camera and --projector name them, --cameras two cameras",
+            "import it into a project of the same devices; --cameras and --projector name them in the file's order",
         )
     if min(p.fx, p.fy) <= 0:
         raise InputError(f"{p.name} of the calibration", f"fx {p.fx:g} and fy {p.fy:g} px", "export it again")
@@ -220,47 +223,45 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
 
 
 def pair_to_calibration(
-    pair: Pair,
-    camera: DeviceSpec,
-    projector: DeviceSpec,
-    source: str,
-    names: tuple[str, str] = ("camera", "projector"),
-    *,
-    cameras: bool = False,
+    pair: Pair, specs: Mapping[str, DeviceSpec], source: str, cameras: Sequence[str] = ("camera",)
 ) -> PhotogrammetricCalibration:
-    """Make a calibration of this program's, of devices of these `names`, from a pair that another one calibrated.
+    """Make a calibration of this program's from devices that another one calibrated.
 
-    Both are `cameras`, or the second one is a projector.
+    `specs` are those of project.json by name, in the order of the file. `cameras` are the cameras among them; the
+    others are projectors.
     """
-    found = replace(pair.camera, name=names[0]), replace(pair.projector, name=names[1])
-    theirs = _sized(found[0], camera), _sized(found[1], projector)
-    devices = device_from(theirs[0], camera), device_from(theirs[1], projector)
-    R = FLIP @ pair.rotation @ FLIP
-    if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
-        raise InputError(source, "the rotation between its devices is none", "export it again")
-    if not np.any(pair.translation_mm):
-        raise InputError(source, "its devices are at the same place", "export it again")
-    U, _, Vt = np.linalg.svd(R)
-    known, size = pair.covariance is not None, sum(len(d.interior.vector) for d in devices) + 6
-    ways = ((_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True))
-    pose = Pose(U @ Vt, FLIP @ np.asarray(pair.translation_mm, float))
-    covariance = _carried(pair.covariance, ways, pose, FLIP) if pair.covariance is not None else np.zeros((size, size))
-    sigma = np.sqrt(np.maximum(np.diagonal(covariance), 0))
-    parts = np.split(sigma, np.cumsum([len(d.interior.vector) for d in devices]))
+    others = [(pair.projector, pair.rotation, pair.translation_mm), *pair.more]
+    found = [replace(p, name=name) for name, p in zip(specs, (pair.camera, *(p for p, _, _ in others)), strict=True)]
+    theirs = [_sized(p, spec) for p, spec in zip(found, specs.values(), strict=True)]
+    devices = [device_from(p, spec) for p, spec in zip(theirs, specs.values(), strict=True)]
+    poses = {}
+    for name, (_, rotation, translation_mm) in zip([*specs][1:], others, strict=True):
+        R = FLIP @ rotation @ FLIP
+        if not (np.isfinite(R).all() and np.abs(R @ R.T - np.eye(3)).max() < 1e-4 and np.linalg.det(R) > 0):
+            raise InputError(source, "the rotation between its devices is none", "export it again")
+        if not np.any(translation_mm):
+            raise InputError(source, "its devices are at the same place", "export it again")
+        U, _, Vt = np.linalg.svd(R)
+        poses[name] = Pose(U @ Vt, FLIP @ np.asarray(translation_mm, float))
+    ends = np.cumsum([len(device.interior.vector) for device in devices])
+    covariance = np.zeros((ends[-1] + 6 * len(poses),) * 2)
+    if pair.covariance is not None:
+        ways = ((_theirs(p), _ours(d), p) for p, d in zip(theirs, devices, strict=True))
+        covariance = _carried(pair.covariance, ways, next(iter(poses.values())), FLIP)
+    known = pair.covariance is not None
+    parts = np.split(np.sqrt(np.maximum(np.diagonal(covariance), 0)), ends)
     unknown = (
         f"imported from {source}, which tells no sigmas: those of points are of the phase alone; judge it by a plane"
     )
     told = [f"imported from {source}" if known else unknown]
     if theirs != found:
         told.append(f"{source} gives no image sizes: those of project.json are taken")
-    if cameras:
-        told.append("of two cameras alone: the projector is not calibrated, and only labels corresponding places")
-    return calibration_of_pair(
-        camera=replace(devices[0], sigma=parts[0]),
-        projector=replace(devices[1], sigma=parts[1]),
-        projector_from_camera=pose,
-        covariance=covariance,
-        names=names,
-        cameras=names if cameras else names[:1],
+    if len(cameras) == len(specs):
+        told.append("of cameras alone: the projector is not calibrated, and only labels corresponding places")
+    return calibration_of(
+        {name: replace(device, sigma=part) for name, device, part in zip(specs, devices, parts, strict=False)},
+        poses,
+        covariance,
+        cameras=tuple(cameras),
         verdict=Verdict("passed" if known else "doubtful", tuple(told)),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -129,18 +130,28 @@ def calibration_of_pair(
 ) -> PhotogrammetricCalibration:
     """Make the calibration of one camera and one projector of these `names`; `covariance` is that of a `Pair`.
 
-    `figures` are further fields of the calibration; those of the adjustment are 0, and sigma0 is 1, unless given.
-    Of two cameras `cameras` names both.
+    `figures` are as for `calibration_of`.
+    """
+    devices = dict(zip(names, (camera, projector), strict=True))
+    return calibration_of(devices, {names[1]: projector_from_camera}, covariance, **{"cameras": names[:1], **figures})
+
+
+def calibration_of(
+    devices: Mapping[str, AdjustedDevice], from_first: Mapping[str, Pose], covariance: Array, **figures: Any
+) -> PhotogrammetricCalibration:
+    """Make the calibration of devices by name, with the poses of all others from the first.
+
+    `covariance` is of the devices' parameters, and then of the orientations. `figures` are further fields, "cameras"
+    at least; those of the adjustment are 0, and sigma0 is 1, unless given.
     """
     counts = dict.fromkeys(("stations", "image_points", "object_points", "redundancy"), 0)
-    unadjusted: dict[str, Any] = {"sigma0": 1.0, **counts, "object_sigma_rms_um": (0.0, 0.0, 0.0), "cameras": names[:1]}
-    devices = dict(zip(names, (camera, projector), strict=True))
+    unadjusted: dict[str, Any] = {"sigma0": 1.0, **counts, "object_sigma_rms_um": (0.0, 0.0, 0.0)}
     parameters = [n for name, device in devices.items() for n in names_of(name, device)]
     return PhotogrammetricCalibration(
         devices=devices,
-        orientations={names[1]: Orientation(names[0], projector_from_camera)},
+        orientations={name: Orientation(next(iter(devices)), pose) for name, pose in from_first.items()},
         covariance=covariance,
-        parameter_names=(*parameters, *orientation_names(names[1])),
+        parameter_names=(*parameters, *(n for name in from_first for n in orientation_names(name))),
         **(unadjusted | figures),
     )
 

@@ -100,7 +100,11 @@ class Rig:
     @property
     def usual(self) -> tuple[str, str]:
         """The camera and the projector meant where none is named."""
-        return self.camera_name, self.projector_name
+        return self.pair()
+
+    def pair(self, camera: str = "", projector: str = "") -> tuple[str, str]:
+        """Name a camera and a projector, for an empty name the one meant where none is named."""
+        return camera or self.camera_name, projector or self.projector_name
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:

@@ -13,7 +13,7 @@ from core.atomic import check_place
 from core.errors import InputError
 from core.model import Adjustment, Concern, Network, NetworkDevice, PhotogrammetricCalibration, Project, verdict_of
 from core.pipeline.calibrate import photogrammetric_calibration
-from core.pipeline.folders import captures_of
+from core.pipeline.folders import captures_of, check_names
 from core.pipeline.methods import calibration_figures
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.picking import current_target_sets
@@ -46,26 +46,30 @@ def export_calibration(
 def import_calibration(
     project: Project, name: str, path: Path, camera: str = "", projector: str = "", cameras: Sequence[str] = ()
 ) -> PhotogrammetricCalibration:
-    """Read another program's calibration of two of the project's devices, keep it as a run and put it in use.
+    """Read another program's calibration of some of the project's devices, keep it as a run and put it in use.
 
-    `camera` and `projector` name them; the first of each if unsaid. Or both are cameras, `cameras`: the projector then
-    only labels corresponding places, and nothing of it is needed.
+    `camera` and `projector` name them; the first of each if unsaid. Or `cameras` names any number in the order of the
+    file. Without a `projector` after them, it only labels corresponding places, and nothing of it is needed.
 
-    InputError for an unknown format or device, or a file that does not hold two devices of these sizes.
+    InputError for an unknown format or device, or a file that does not hold as many devices of these sizes.
     """
     from core.exchange import pair_to_calibration
 
-    rig = project.rig
-    one, other = cameras or (camera or rig.camera_name, projector or rig.projector_name)
-    for device, of in ((one, rig.cameras), (other, rig.cameras if cameras else rig.projectors)):
-        if device not in of:
-            raise InputError(project.path / "project.json", f"has no {device!r}", f"choose {', '.join(of)}")
-    if one == other:
-        raise InputError("--cameras", f"names {one} twice", "name the two cameras in the order of the file")
-    pair, devices = _format(name).read(path), rig.devices
-    calibration = pair_to_calibration(
-        pair, devices[one], devices[other], f"{path.name} ({name})", (one, other), cameras=bool(cameras)
-    )
+    form, rig = _format(name), project.rig
+    check_names(project, "camera", filter(None, [camera, *cameras]))
+    check_names(project, "projector", filter(None, [projector]))
+    names = [*cameras, *filter(None, [projector])] if cameras else [*rig.pair(camera, projector)]
+    if twice := next((name for name in cameras if cameras.count(name) > 1), ""):
+        raise InputError("--cameras", f"names {twice} twice", "name the cameras in the order of the file")
+    if len(names) < 2:
+        raise InputError("--cameras", f"names {names[0]} alone", "name several cameras, or a projector too")
+    pair = form.read(path, names)
+    if (held := 2 + len(pair.more)) != len(names):
+        seen = f"holds {held} devices, and {len(names)} are wanted: {', '.join(names)}"
+        raise InputError(path, seen, "name those of the file, in its order, with --cameras and --projector")
+    source = f"{path.name} ({name})"
+    own = tuple(name for name in names if name in rig.cameras)
+    calibration = pair_to_calibration(pair, {name: rig.devices[name] for name in names}, source, own)
     if concerns := _foreign(project, calibration):
         told = calibration.verdict.because if calibration.verdict else ()
         verdict = verdict_of([*concerns, *(Concern("doubtful", text) for text in told)])

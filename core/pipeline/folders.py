@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from core.errors import InputError, choose_among
 from core.fields import read_document
@@ -43,3 +43,11 @@ def find_capture(project: Project, name: str) -> Capture:
             return read_capture(folder, project)
     names = [folder.name for folder in project.captures]
     raise InputError(project.path, f"no capture {name!r}", choose_among(name, names))
+
+
+def check_names(project: Project, kind: Literal["camera", "projector"], names: Iterable[str]) -> None:
+    """Refuse names that the rig's cameras or projectors do not have."""
+    known = project.rig.cameras if kind == "camera" else project.rig.projectors
+    for name in names:
+        if name not in known:
+            raise InputError(project.path / "project.json", f"no {kind} {name!r}", choose_among(name, known))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, Parser, add_devices, tell_devices
+from core.cli.arguments import Commands, Options, add_devices, tell_devices
 from core.errors import InputError
 from core.progress import Progress
 
@@ -18,25 +18,24 @@ def add(commands: Commands) -> None:
     sub.add_argument("--to", required=True, metavar="FORMAT", help=known)
     sub.add_argument("out", type=Path, metavar="FILE")
     sub.set_defaults(beside=True)  # some formats take several files
-    _add_devices(sub)
+    add_devices(sub)
+    words = "two cameras in the place of a camera and a projector, which only labels corresponding places"
+    sub.add_argument("--cameras", nargs=2, default=(), metavar="NAME", help=words)
 
     sub = commands.add("import", _import, "import another program's calibration of the project's devices")
     sub.add_argument("file", type=Path, metavar="FILE")
     sub.add_argument("--from", required=True, metavar="FORMAT", dest="form", help=known)
     sub.add_argument("project", type=Path, metavar="PROJECT")
-    _add_devices(sub)
+    add_devices(sub)
+    words = "several cameras in the order of the file; without --projector it only labels corresponding places"
+    sub.add_argument("--cameras", nargs="+", default=(), metavar="NAME", help=words)
 
 
-def _add_devices(parser: Parser) -> None:
-    add_devices(parser)
-    words = "two cameras in the place of a camera and a projector, which only labels corresponding places"
-    parser.add_argument("--cameras", nargs=2, default=(), metavar="NAME", help=words)
-
-
-def _named(options: Options) -> dict[str, Any]:
-    """Give the devices that were chosen."""
-    if options.cameras and (options.camera or options.projector):
-        raise InputError("--cameras", "does not go with --camera and --projector", "leave one of the two out")
+def _named(options: Options, *others: str) -> dict[str, Any]:
+    """Give the devices that were chosen; `others` are those that do not go with several cameras."""
+    if options.cameras and any(getattr(options, kind) for kind in others):
+        told = " and ".join(f"--{kind}" for kind in others)
+        raise InputError("--cameras", f"does not go with {told}", "leave one of the two out")
     return {"camera": options.camera, "projector": options.projector, "cameras": options.cameras}
 
 
@@ -50,7 +49,9 @@ def _tell_devices(options: Options) -> None:
 def _export(options: Options, progress: Progress) -> dict[str, Any]:
     from core.pipeline.exchange import export_calibration
 
-    files, residuals = export_calibration(options.project, options.to, options.out, **_named(options))
+    files, residuals = export_calibration(
+        options.project, options.to, options.out, **_named(options, "camera", "projector")
+    )
     for file in files:
         print(file)
     for name, rms in residuals.items():
@@ -66,7 +67,7 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
     from core.project import read_project
 
     options.project = project = read_project(options.project)
-    calibration = import_calibration(project, options.form, options.file, **_named(options))
+    calibration = import_calibration(project, options.form, options.file, **_named(options, "camera"))
     figures = pipeline.calibration_figures({"photogrammetric": calibration})
     print_verdict("photogrammetric", figures["photogrammetric"]["verdict"])
     _tell_devices(options)

@@ -8,6 +8,7 @@ and `parameter_covariance` beside it is this program's own.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from core.exchange.formats.format import (
     METRE_MM,
     Format,
     covariance,
+    further_files,
     numbers,
     read_text,
     reading,
@@ -70,18 +72,21 @@ def _text(p: Pinhole, more: str = "") -> str:
     )
 
 
-def _read(path: Path) -> Pair:
+def _read(path: Path, names: Sequence[str] = ()) -> Pair:
     first, _ = _device("camera", path)
-    second, root = _device("projector", second_file(path))
-    with reading(second_file(path), "agisoft"):
-        text = root.findtext("transform")
-        if text is None:
-            raise KeyError("transform")
-        pose = numbers([float(v) for v in text.split()], (4, 4))
-        told = root.findtext(_SIGMAS)
-        known = None if told is None else covariance([float(v) for v in told.split()])
-    R = pose[:3, :3].T
-    return Pair(first, second, R, -R @ pose[:3, 3] * METRE_MM, known)
+    others, known = [], None
+    for other in further_files(path, names):
+        device, root = _device("projector", other)
+        with reading(other, "agisoft"):
+            text = root.findtext("transform")
+            if text is None:
+                raise KeyError("transform")
+            pose = numbers([float(v) for v in text.split()], (4, 4))
+            told = root.findtext(_SIGMAS)
+            known = None if told is None else covariance([float(v) for v in told.split()])
+        R = pose[:3, :3].T
+        others.append((device, R, -R @ pose[:3, 3] * METRE_MM))
+    return Pair(first, *others[0], known if len(others) == 1 else None, tuple(others[1:]))
 
 
 def _device(name: str, path: Path) -> tuple[Pinhole, ElementTree.Element]:

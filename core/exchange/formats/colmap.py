@@ -7,11 +7,21 @@ first, mm; with the empty `points3D.txt` that makes a model which COLMAP opens. 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from core.exchange.formats.format import Format, noted, noted_covariance, numbers, read_text, reading, write_texts
+from core.exchange.formats.format import (
+    Format,
+    from_first,
+    noted,
+    noted_covariance,
+    numbers,
+    read_text,
+    reading,
+    write_texts,
+)
 from core.exchange.pinhole import Pair, Pinhole
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 
@@ -44,12 +54,12 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     return write_texts(texts)
 
 
-def _read(path: Path) -> Pair:
+def _read(path: Path, names: Sequence[str] = ()) -> Pair:
     beside = path.with_name("images.txt")
     cameras, images = read_text(path), read_text(beside)
     with reading(path, "colmap"):
         devices = {fields[0]: _device(fields) for fields in _lines(cameras)}
-        if len(devices) != 2:
+        if len(devices) < 2:
             raise ValueError(f"{len(devices)} cameras in place of camera and projector")
         known = noted_covariance(cameras)
     with reading(beside, "colmap"):
@@ -58,10 +68,10 @@ def _read(path: Path) -> Pair:
             fields = line.split()
             if len(fields) == 10 and not line.startswith("#"):
                 poses[fields[8]] = numbers([float(v) for v in fields[1:8]], (7,))
-        first, second = sorted(devices, key=int)
-        (R1, t1), (R2, t2) = (_pose(poses[key]) for key in (first, second))
-    R = R2 @ R1.T
-    return Pair(devices[first], devices[second], R, t2 - R @ t1, known)
+        first, *further = sorted(devices, key=int)
+        base, *others = (_pose(poses[key]) for key in (first, *further))
+    found = [(devices[key], *from_first(base, pose)) for key, pose in zip(further, others, strict=True)]
+    return Pair(devices[first], *found[0], known, tuple(found[1:]))
 
 
 def _pose(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,13 +35,30 @@ class Format:
     name: str
     free: tuple[str, ...]  #: the distortion parameters it has
     write: Callable[[Pair, Path], list[Path]]  #: ``(pair, path) -> files``
-    read: Callable[[Path], Pair]  #: ``(path) -> pair``; what is missing or no number is an `InputError`
+    #: ``(path, names) -> pair``; what is missing or no number is an `InputError`. `names` are the devices wanted, for
+    #: formats with one device a file
+    read: Callable[[Path, Sequence[str]], Pair]
     endings: tuple[str, ...]  #: of file names, the usual one first; any other is taken as that
 
 
-def second_file(path: Path) -> Path:
-    """Where the projector stands in formats that have one device a file."""
-    return path.with_name(f"{path.stem}-projector{path.suffix}")
+def second_file(path: Path, name: str = "projector") -> Path:
+    """Where a further device stands in formats that have one a file."""
+    return path.with_name(f"{path.stem}-{name}{path.suffix}")
+
+
+def further_files(path: Path, names: Sequence[str]) -> list[Path]:
+    """Where devices of these names stand, the first one in `path`; of two the other may be called the projector."""
+    if len(names) <= 2 and not any(second_file(path, name).exists() for name in names[1:]):
+        return [second_file(path)]
+    return [second_file(path, name) for name in names[1:]]
+
+
+def from_first(
+    first: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give the pose R, t of a device from another, from those of both from a third frame."""
+    R = other[0] @ first[0].T
+    return R, other[1] - R @ first[1]
 
 
 def write_texts(texts: Mapping[Path, str]) -> list[Path]:

@@ -1,8 +1,12 @@
-"""Kalibr: a camera chain of camera (cam0) and projector (cam1), pinhole and radtan: k1, k2, p1, p2; metres."""
+"""Kalibr: a camera chain of camera (cam0) and projector (cam1), pinhole and radtan: k1, k2, p1, p2; metres.
+
+Chains of others may be of any number of devices.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,14 +34,16 @@ def _text(key: str, p: Pinhole) -> str:
     )
 
 
-def _read(path: Path) -> Pair:
+def _read(path: Path, names: Sequence[str] = ()) -> Pair:
     data = yaml_mapping(path, "kalibr")
     with reading(path, "kalibr"):
-        pose = numbers(data["cam1"]["T_cn_cnm1"], (4, 4))
-        first, second = _device("camera", data["cam0"]), _device("projector", data["cam1"])
+        first, pose, others = _device("camera", data["cam0"]), np.eye(4), []
+        for k in range(1, max(2, sum(re.fullmatch(r"cam\d+", str(key)) is not None for key in data))):
+            entry = data[f"cam{k}"]
+            pose = numbers(entry["T_cn_cnm1"], (4, 4)) @ pose  # of each from the one before
+            others.append((_device("projector", entry), pose[:3, :3], pose[:3, 3] * METRE_MM))
         known = data["cam1"].get("parameter_covariance")
-        cov = None if known is None else covariance(known)
-        return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM, cov)
+        return Pair(first, *others[0], None if known is None else covariance(known), tuple(others[1:]))
 
 
 def _device(name: str, data: Mapping[str, Any]) -> Pinhole:

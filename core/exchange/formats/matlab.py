@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def _struct(p: Pinhole) -> dict[str, Any]:
     }
 
 
-def _read(path: Path) -> Pair:
+def _read(path: Path, names: Sequence[str] = ()) -> Pair:
     read_bytes(path)
     try:
         done = subprocess.run(

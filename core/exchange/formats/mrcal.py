@@ -7,6 +7,7 @@ covariance is a comment in the camera's file: mrcal's own `optimization_inputs` 
 from __future__ import annotations
 
 import ast
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ import numpy as np
 from core.exchange.formats.format import (
     METRE_MM,
     Format,
+    from_first,
+    further_files,
     noted,
     noted_covariance,
     numbers,
@@ -54,13 +57,16 @@ def _list(values: Any) -> str:
     return ", ".join(repr(float(v)) for v in values)
 
 
-def _read(path: Path) -> Pair:
-    first, R1, t1 = _device("camera", path)
-    second, R2, t2 = _device("projector", second_file(path))
+def _read(path: Path, names: Sequence[str] = ()) -> Pair:
+    first, *base = _device("camera", path)
+    others = []
+    for file in further_files(path, names):
+        device, *pose = _device("projector", file)
+        R, t = from_first((base[0], base[1]), (pose[0], pose[1]))
+        others.append((device, R, t * METRE_MM))
     with reading(path, "mrcal"):
         known = noted_covariance(read_text(path))
-    R = R2 @ R1.T
-    return Pair(first, second, R, (t2 - R @ t1) * METRE_MM, known)
+    return Pair(first, *others[0], known, tuple(others[1:]))
 
 
 def _device(name: str, path: Path) -> tuple[Pinhole, np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ kamino410's procam-calibration (which misspells its rotation) do.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,7 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     return [path]
 
 
-def _read(path: Path) -> Pair:
+def _read(path: Path, names: Sequence[str] = ()) -> Pair:
     with reading(path, "opencv"):
         stored = _mapping(path)
         devices = []

@@ -6,7 +6,7 @@ readers of `camera_info` ignore.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from core.exchange.formats.format import (
     coefficients,
     covariance,
     flow,
+    further_files,
     matrix,
     reading,
     second_file,
@@ -55,17 +56,18 @@ def _entry(name: str, values: np.ndarray) -> str:
     return f"{name}:\n  rows: {rows}\n  cols: {cols}\n  data: {flow(values)}\n"
 
 
-def _read(path: Path) -> Pair:
-    other = second_file(path)
-    camera, projector = yaml_mapping(path, "ros"), yaml_mapping(other, "ros")
+def _read(path: Path, names: Sequence[str] = ()) -> Pair:
+    camera, others, cov = yaml_mapping(path, "ros"), [], None
     with reading(path, "ros"):
         first = _device("camera", camera)
-    with reading(other, "ros"):
-        second = _device("projector", projector)
-        pose = matrix(projector["T_projector_camera"], (4, 4))
-        known = projector.get("parameter_covariance")
-        cov = None if known is None else covariance(matrix(known, (30, 30)))
-    return Pair(first, second, pose[:3, :3], pose[:3, 3] * METRE_MM, cov)
+    for other in further_files(path, names):
+        stored = yaml_mapping(other, "ros")
+        with reading(other, "ros"):
+            pose = matrix(stored["T_projector_camera"], (4, 4))
+            others.append((_device("projector", stored), pose[:3, :3], pose[:3, 3] * METRE_MM))
+            if (known := stored.get("parameter_covariance")) is not None:
+                cov = covariance(matrix(known, (30, 30)))
+    return Pair(first, *others[0], cov if len(others) == 1 else None, tuple(others[1:]))
 
 
 def _device(name: str, data: Mapping[str, Any]) -> Pinhole:

@@ -24,6 +24,7 @@ from tests.core.orient import views
 
 CAMERA = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
 PROJECTOR = DeviceSpec(640, 600, (0.09, 0.09), 182.0)
+DEVICES = {"camera": CAMERA, "projector": PROJECTOR}
 # the published interior orientations of the reference experiment, of size; A4 is what no pinhole model has
 INTERIORS = (
     Interior(12.1, -0.08, -0.11, (-0.6e-3, 0.3e-5, -0.0143, 0.3e-4, -0.12e-3, -0.75e-4), 2.5),
@@ -175,7 +176,7 @@ def test_what_was_written_comes_back(name, calibration, points, tmp_path) -> Non
     pair = fit_pair(calibration, form.free)
     path = tmp_path / f"file{form.endings[0]}"
     form.write(pair, path)
-    back = pair_to_calibration(form.read(path), CAMERA, PROJECTOR, "file")
+    back = pair_to_calibration(form.read(path), DEVICES, "file")
     for ours, theirs, pose in (
         (calibration.camera, back.camera, (None, None)),
         (calibration.projector, back.projector, (calibration.projector_from_camera, back.projector_from_camera)),
@@ -199,7 +200,7 @@ def test_what_a_model_leaves_is_no_movement(name, tmp_path) -> None:
     known = dataclasses.replace(known, devices=devices, covariance=0.04 * known.covariance)  # a good calibration
     path = tmp_path / f"file{FORMATS[name].endings[0]}"
     FORMATS[name].write(fit_pair(known, FORMATS[name].free), path)
-    back = pair_to_calibration(FORMATS[name].read(path), views.CAMERA, views.PROJECTOR, "file")
+    back = pair_to_calibration(FORMATS[name].read(path), {"camera": views.CAMERA, "projector": views.PROJECTOR}, "file")
     for pose in (views.station((10.0, 20.0, 0.0)), views.station((-20.0, 0.0, 90.0), 560.0)):
         phase = views.observe(pair_of(known), pose, np.random.default_rng(4)).phase
         assert find_motion(phase, back).p > 0.05
@@ -207,7 +208,7 @@ def test_what_a_model_leaves_is_no_movement(name, tmp_path) -> None:
 
 def test_errors_of_a_calibration_without_sigmas_are_not_told_as_movement_alone() -> None:
     pair = dataclasses.replace(fit_pair(views.calibration(), ("k1", "k2")), covariance=None)
-    bare = pair_to_calibration(pair, views.CAMERA, views.PROJECTOR, "file")
+    bare = pair_to_calibration(pair, {"camera": views.CAMERA, "projector": views.PROJECTOR}, "file")
     true = views.draw(views.calibration(), np.random.default_rng(1))
     motion = find_motion(views.observe(true, views.station((10.0, 20.0, 0.0)), np.random.default_rng(4)).phase, bare)
     assert motion.moved
@@ -224,7 +225,7 @@ def test_sigmas_go_there_and_come_back(name, calibration, points, tmp_path) -> N
     known = dataclasses.replace(calibration, covariance=L @ L.T)
     path = tmp_path / f"file{FORMATS[name].endings[0]}"
     FORMATS[name].write(fit_pair(known, FORMATS[name].free), path)
-    back = pair_to_calibration(FORMATS[name].read(path), CAMERA, PROJECTOR, "file")
+    back = pair_to_calibration(FORMATS[name].read(path), DEVICES, "file")
     assert back.verdict.state == "passed"
     near = points[:30]
 
@@ -287,7 +288,7 @@ def test_files_of_other_programs_are_read_without_image_sizes(name, tmp_path) ->
     assert found.projector.distortion == (*k[:4], 0, 0, 0, 0)
     np.testing.assert_array_equal(found.rotation, TURN)
     np.testing.assert_array_equal(found.translation_mm, [100, 2, 3])
-    back = pair_to_calibration(found, CAMERA, PROJECTOR, "file")
+    back = pair_to_calibration(found, DEVICES, "file")
     assert (back.camera.spec.width, back.projector.spec.height) == (748, 600)
     assert "gives no image sizes" in back.verdict.because[-1]
 
@@ -296,9 +297,9 @@ def test_what_is_no_pair_of_pinholes_is_refused(calibration) -> None:
     pair = fit_pair(calibration, FORMATS["opencv"].free)
     mirrored = dataclasses.replace(pair, camera=dataclasses.replace(pair.camera, fx=-pair.camera.fx))
     with pytest.raises(InputError, match="fx -"):
-        pair_to_calibration(mirrored, CAMERA, PROJECTOR, "file")
+        pair_to_calibration(mirrored, DEVICES, "file")
     with pytest.raises(InputError, match="same place"):
-        pair_to_calibration(dataclasses.replace(pair, translation_mm=np.zeros(3)), CAMERA, PROJECTOR, "file")
+        pair_to_calibration(dataclasses.replace(pair, translation_mm=np.zeros(3)), DEVICES, "file")
 
 
 def test_matrices_written_by_hand_are_read(tmp_path) -> None:
