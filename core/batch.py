@@ -255,7 +255,9 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     from core.pipeline.methods import METHODS
 
     found = _read_calibrations(job.project.path, job.calibrations)
-    calibrations = {name: calibration for name, calibration in found.items() if covers(calibration, phase, job.project)}
+    calibrations = {
+        name: calibration for name, calibration in found.items() if covers(name, calibration, phase, job.project)
+    }
     if not calibrations:
         remedy = "calibrate them; from cameras alone points are made by reconstruct and evaluate"
         raise InputError(job.name, "no calibration is of its devices", remedy)

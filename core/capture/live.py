@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 from core.capture.plan import check_shown, make_plan, sequence_for
 from core.capture.run import Loop, check_sizes
 from core.capture.store import Shot, Store
-from core.devices import Camera, Image, Projector, open_devices
+from core.devices import Camera, Image, Projector, open_camera, open_projector
 from core.model import Project, Subject
 from core.model.finding import Finding
 from core.patterns import Pattern, level_of
@@ -25,7 +25,7 @@ class Taken:
     """The frames of one sequence, in the order of the patterns, and how it went; `begun_s` is of `time.monotonic`."""
 
     patterns: tuple[Pattern, ...]
-    images: tuple[Pixels, ...]
+    images: Mapping[str, tuple[Pixels, ...]]  # of every camera
     findings: tuple[Finding, ...]
     retakes: int
     begun_s: float
@@ -58,36 +58,57 @@ class Memory(Store):
 
 @contextmanager
 def continuous(
-    project: Project, projector_url: str, camera_url: str, patterns: Sequence[Pattern] | None, progress: Progress
+    project: Project,
+    projector_url: str,
+    camera_urls: Mapping[str, str],
+    patterns: Sequence[Pattern] | None,
+    progress: Progress,
+    shown_by: str = "",
 ) -> Iterator[Continuous]:
-    """Open a projector and a camera that take sequences for a `with` block."""
-    with open_devices(projector_url, camera_url, check=progress.check) as (projector, camera):
-        yield Continuous(project, projector, camera, patterns)
+    """Open a projector and cameras, by their names in the rig, that take sequences for a `with` block."""
+    with ExitStack() as opened:
+        projector = opened.enter_context(closing(open_projector(projector_url, check=progress.check)))
+        cameras = {name: opened.enter_context(closing(open_camera(url))) for name, url in camera_urls.items()}
+        yield Continuous(project, projector, cameras, patterns, shown_by)
 
 
 class Continuous:
-    """A projector and a camera, open and of the project's sizes, that take the same sequence again and again.
+    """A projector and cameras, open and of the project's sizes, that take the same sequence again and again.
 
-    Without patterns it is what `sequence_for` chooses.
+    Without patterns it is what `sequence_for` chooses. `shown_by` names the projector in a rig of several.
     """
 
     def __init__(
-        self, project: Project, projector: Projector, camera: Camera, patterns: Sequence[Pattern] | None = None
+        self,
+        project: Project,
+        projector: Projector,
+        cameras: Mapping[str, Camera],
+        patterns: Sequence[Pattern] | None = None,
+        shown_by: str = "",
     ) -> None:
-        check_sizes(project, projector, camera)
+        for name, camera in cameras.items():
+            check_sizes(project, projector, camera, name, shown_by)
         chosen = patterns if patterns is not None else sequence_for(project, projector)
-        plan = make_plan(project, Subject("object", "live"), chosen)
-        # an evenly lit frame before and after tells the noise; stripes twice more would only take time
-        guards = tuple(g for g in plan.guards if level_of(g) is not None and projector.refusal(g) is None)
-        self.plan = replace(plan, guards=guards)
-        check_shown(self.plan, projector.refusal, projector.name)
-        self._loop = Loop(Memory(Path("live"), self.plan), projector, camera)
+        loops = []
+        for name, camera in cameras.items():
+            plan = make_plan(project, Subject("object", "live", camera=name, projector=shown_by), chosen)
+            # an evenly lit frame before and after tells the noise; stripes twice more would only take time
+            guards = tuple(g for g in plan.guards if level_of(g) is not None and projector.refusal(g) is None)
+            loops.append(Loop(Memory(Path("live"), replace(plan, guards=guards)), projector, camera))
+        self._loop = loops[0]
+        self._loop.beside = loops[1:]
         self._loop.again_when_moved = False  # things move between sequences: that is why somebody looks
+        self._cameras, self.plan = tuple(cameras), self._loop.plan
+        check_shown(self.plan, projector.refusal, projector.name)
 
     def take(self, progress: Progress = SILENT) -> Taken:
         """Take one sequence; DeviceError if frames do not show what they claim after the tries of a capture."""
         begun = time.monotonic()
-        store = self._loop.store = Memory(Path("live"), self.plan)
+        stores = {
+            name: Memory(Path("live"), loop.plan) for name, loop in zip(self._cameras, self._loop.together, strict=True)
+        }
+        for store, loop in zip(stores.values(), self._loop.together, strict=True):
+            loop.store = store
         report = self._loop.run(progress)
-        images = tuple(store.read(i) for i in self.plan.own)
+        images = {name: tuple(store.read(i) for i in self.plan.own) for name, store in stores.items()}
         return Taken(self.plan.patterns, images, report.findings, report.retakes, begun, report.seconds)

@@ -107,6 +107,29 @@ def chosen_subject(options: Options, camera: str = "", projector: str = "") -> S
     return Subject(options.role, options.name, *where, camera, projector)
 
 
+def add_urls(parser: Parser) -> None:
+    """Declare the URLs of a projector and of cameras, for `named_url` and `camera_urls`."""
+    parser.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...; one of several as NAME=URL")
+    words = "virtual, folder, replay, uvc, ...; for several cameras repeat it with NAME=URL"
+    parser.add_argument("--camera", metavar="URL", action="append", default=[], help=words)
+
+
+def named_url(given: str) -> tuple[str, str]:
+    """Split NAME=URL; the name is empty where only a URL is given, whose options may hold an equals sign, too."""
+    name, sep, url = given.partition("=")
+    return (name, url) if sep and ":" not in name else ("", given)
+
+
+def camera_urls(given: list[str]) -> str | dict[str, str] | None:
+    """One camera's URL, or those of several by their names in the rig."""
+    split = [named_url(url) for url in given]
+    if all(name for name, _ in split):
+        return dict(split) or None
+    if len(given) > 1:
+        raise InputError("--camera", " ".join(given), "name each of several in the rig: --camera NAME=URL")
+    return given[0]
+
+
 def method_name(name: str, *others: str) -> str:
     """Refuse the name of a method that is not known."""
     from core.pipeline import METHODS

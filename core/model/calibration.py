@@ -164,6 +164,7 @@ class DepthCalibration:
     covariance: Array | None = None
     # standard deviation of the coordinates that curves were fitted to, r.m.s. in (h, w) equal cells of the image
     curve_noise_lines: Floats | float | None = None
+    devices: tuple[str, str] = ("", "")  # camera and projector by name; empty for those that the rig means
 
 
 class Calibration(Protocol):

@@ -104,15 +104,14 @@ def capture_into(
     project = read_project(folder)
     shown_by = project.rig.projectors.get(subject.projector, project.projector)
     lines = shown_by.width, shown_by.height
-    if camera is None and not project.rig.is_pair:
-        virtual = virtual_rig(project)
-        camera = {name: f"{virtual}?camera={name}" for name in project.rig.cameras}
     how: dict[str, Any] = {
         "patterns": None if sequence is None else sequence.patterns(lines),
         "progress": progress,
         "listen": listen or no_listener,
         "ending": PNG if png else TIFF,
     }
+    if camera is None and not project.rig.is_pair:
+        camera = virtual_cameras(project)
     if camera is None or isinstance(camera, str):
         projector, camera = devices_of(project, projector, camera)
     return run_capture(project, subject, projector or virtual_rig(project), camera, **how)
@@ -124,6 +123,14 @@ def devices_of(project: Project, projector: str | None, camera: str | None) -> t
         return projector, camera
     virtual = virtual_rig(project)
     return projector or virtual, camera or virtual
+
+
+def virtual_cameras(project: Project) -> dict[str, str]:
+    """Give the URLs of all cameras of the virtual bench's rig that has the project's sizes."""
+    virtual = virtual_rig(project)
+    if len(project.rig.cameras) == 1:
+        return dict.fromkeys(project.rig.cameras, virtual)
+    return {name: f"{virtual}?camera={name}" for name in project.rig.cameras}
 
 
 def virtual_rig(project: Project) -> str:

@@ -177,7 +177,7 @@ def _of_pair(
     """Evaluate a plane by every calibration of a pair of devices."""
     rows, lacking = [], []
     for name, calibration in calibrations.items():
-        if covers(calibration, phase, project):
+        if covers(name, calibration, phase, project):
             try:
                 rows.append(_by_itself(capture, phase, name, calibration, progress))
             except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
@@ -207,11 +207,11 @@ def _told(
     return judge_planes(result, calibrated, notes, verdicts, repeated)
 
 
-def covers(calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
-    """Whether a calibration is of the devices of a phase map; the depth method's is of the rig's usual ones."""
+def covers(method: Method, calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
+    """Whether a calibration is of the devices of a phase map."""
     if isinstance(calibration, PhotogrammetricCalibration):
         return knows(calibration, phase.camera, phase.projector)
-    return (phase.camera, phase.projector) == project.rig.usual
+    return METHODS[method].is_of(project, calibration, phase.camera, phase.projector)
 
 
 def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Calibration, progress: Progress) -> Row:

@@ -116,7 +116,7 @@ def calibrated_from(
     return {
         "methods": versions("decode", "measure", "calibrate"),
         "rig": rig,
-        "options": {name: _plain(getattr(options, name)) for name in method.options},
+        "options": {name: _plain(value) for name in method.options if (value := getattr(options, name)) != ""},
         "captures": used,
         **({"results": {f"{name} calibration": hash_value(record) for name, record in read.items()}} if read else {}),
     }

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
+from itertools import combinations
 from itertools import count as numbers
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,14 +15,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from core.errors import AdjustmentError, InputError
-from core.geometry import pair_of
+from core.geometry import pair_named, pair_of
 from core.lazy import dataclass
-from core.model import DriftPoint, Method, PhaseMap, PhotogrammetricCalibration, Project
+from core.model import (
+    DriftPoint,
+    Floats,
+    Method,
+    Pair,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    Project,
+)
 from core.pipeline.calibrate import chosen_calibration
-from core.pipeline.capture import devices_of
+from core.pipeline.capture import virtual_cameras, virtual_rig
+from core.pipeline.folders import check_names
 from core.pipeline.method import CalibrationMethod
 from core.pipeline.methods import METHODS
-from core.pipeline.reconstruct import check_cloud, write_cloud
+from core.pipeline.reconstruct import check_cloud, check_pair, write_cloud
+from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
 from core.project import read_project
 
@@ -35,12 +47,13 @@ class Cycle:
     """One sequence, from the first pattern to its points."""
 
     number: int
-    #: points, share: points, and their share of the pixels
+    #: points, share: points, and their share of the pixels; those that several cameras saw count once
     points: int
     share: float
     sigma_depth_mm: float | None  #: median standard deviation of the depths, from the phase's noise
     #: of the test whether projector and camera still stand as in the cycles before, in the first as they were
-    #: calibrated; None where it cannot be told: without both axes, with a calibration by depths, or with too few pixels
+    #: calibrated; None where it cannot be told: without both axes, with a calibration by depths, with too few pixels;
+    #: of several pairs of devices the least, and whether any has moved
     p: float | None
     moved: bool
     retakes: int
@@ -50,6 +63,7 @@ class Cycle:
     latency_s: float
     file: str
     notes: tuple[str, ...]
+    pairs: Mapping[str, float]  #: p of every pair of devices, such as "left-projector", where there are several
 
     def as_dict(self) -> dict[str, Any]:
         """Give it as `--json` writes it."""
@@ -69,7 +83,8 @@ def live_cycles(
     folder: Path,
     *,
     projector: str | None = None,
-    camera: str | None = None,
+    camera: str | Mapping[str, str] | None = None,
+    shown_by: str = "",
     method: Method | None = None,
     sequence: SequenceSpec | None = None,
     count: int = 0,
@@ -84,8 +99,11 @@ def live_cycles(
 
     Parameters
     ----------
-    projector, camera : str, optional
-        URLs; without them the virtual bench's rig of the project's sizes.
+    projector, camera : optional
+        URLs; of several cameras by their names in the rig. Without them the virtual bench's rig of the project's sizes,
+        with all cameras that the method takes. Points of several are each there once, in the frame of the first.
+    shown_by : str
+        The projector's name in the rig, if that has several.
     count : int
         Cycles; 0: until it is ended.
     out, ending
@@ -105,25 +123,41 @@ def live_cycles(
         raise InputError("--count", str(count), "give a whole number from 0 on; 0 goes on until it is ended")
     if out is not None:
         check_cloud(out / f"0001.{ending}")
-    lines = project.projector.width, project.projector.height
-    patterns = None if sequence is None else sequence.patterns(lines)
+    record = METHODS[chosen]
+    usual, own = record.pair(project, calibration) if record.one_pair else project.rig.usual
+    shown_by = shown_by or own
+    cameras = _cameras(project, camera, "" if record.joint else usual)
+    check_names(project, "camera", cameras)
+    check_names(project, "projector", [shown_by])
+    maker = _Maker(project, record, calibration, tuple(cameras), shown_by)
+    patterns = None if sequence is None else sequence.patterns(maker.lines)
     ended = threading.Event()
     watching = Progress(cancelled=lambda: ended.is_set() or progress.cancelled())
-    watch = _Watch(calibration)
-    urls = devices_of(project, projector, camera)
-    with continuous(project, *urls, patterns, watching) as rig, ThreadPoolExecutor(1, "sequences") as pool:
+    with (
+        continuous(project, projector or virtual_rig(project), cameras, patterns, watching, shown_by) as rig,
+        ThreadPoolExecutor(1, "sequences") as pool,
+    ):
         try:
             ahead = pool.submit(rig.take, watching)
             for number in numbers(1):
                 taken = _wait(ahead, progress)
                 if number != count:
                     ahead = pool.submit(rig.take, watching)
-                file = None if out is None else out / f"{number:04d}.{ending}"
-                yield _cycle(project, METHODS[chosen], calibration, number, taken, file, watch)
+                yield maker.cycle(number, taken, None if out is None else out / f"{number:04d}.{ending}")
                 if number == count:
                     return
         finally:
             ended.set()  # a sequence that is under way ends at its next check
+
+
+def _cameras(project: Project, camera: str | Mapping[str, str] | None, only: str) -> Mapping[str, str]:
+    """Give the URLs of cameras by their names in the rig; unless they are named, all that the bench has, or one."""
+    if isinstance(camera, str):
+        return {only or project.rig.camera_name: camera}
+    if camera is not None:
+        return camera
+    virtual = virtual_cameras(project)
+    return {only: virtual[only]} if only else virtual
 
 
 def _wait(ahead: Any, progress: Progress) -> Taken:
@@ -136,57 +170,88 @@ def _wait(ahead: Any, progress: Progress) -> Taken:
             progress.check()
 
 
-def _cycle(
-    project: Project,
-    method: CalibrationMethod,
-    calibration: Any,
-    number: int,
-    taken: Taken,
-    file: Path | None,
-    watch: _Watch,
-) -> Cycle:
-    from core.decode import decode
+class _Maker:
+    """Makes points of a sequence, and holds the rig of every cycle against those before it."""
 
-    lines = project.projector.width, project.projector.height
-    phase = decode(list(taken.patterns), list(taken.images), lines=lines, where=f"cycle {number}")
-    phase = replace(phase, camera=project.rig.camera_name, projector=project.rig.projector_name)
-    cloud = method.reconstruct(phase, calibration, False, SILENT)
-    if file is not None:
-        write_cloud(file, phase.image, cloud)
-    valid = np.isfinite(cloud.xyz_mm[..., 2])
-    depths = None if cloud.sigma_depth_mm is None else cloud.sigma_depth_mm[valid]
-    seen = watch.look(phase, number)
-    told = [finding.text for finding in taken.findings if finding.level != "good"]
-    return Cycle(
-        number,
-        int(np.count_nonzero(valid)),
-        float(valid.mean()),
-        None if depths is None or not len(depths) else float(np.nanmedian(depths)),
-        None if seen is None else seen.p,
-        seen is not None and seen.state == "action",
-        taken.retakes,
-        taken.seconds,
-        time.monotonic() - taken.begun_s,
-        "" if file is None else str(file),
-        (*phase.notes, *told),
-    )
+    def __init__(
+        self, project: Project, method: CalibrationMethod, calibration: Any, cameras: tuple[str, ...], projector: str
+    ) -> None:
+        self._method, self._calibration, self._cameras, self._projector = method, calibration, cameras, projector
+        shown_by = project.rig.projectors[projector]
+        self.lines = shown_by.width, shown_by.height
+        self._watches: dict[tuple[str, str], _Watch] = {}
+        if len(cameras) > 1 and not method.joint:
+            raise InputError("--camera", f"the {method.title} is of one camera, not of {len(cameras)}", "name one")
+        check_pair(project, method, calibration, cameras[0], projector)
+        if not isinstance(calibration, PhotogrammetricCalibration):
+            return
+        if len(cameras) == 1:
+            self._watches[cameras[0], projector] = _Watch(pair_named(calibration, cameras[0], projector))
+        else:
+            lit = projector in calibration.devices
+            pairs = [(c, projector) for c in cameras] if lit else combinations(cameras, 2)
+            self._watches = {pair: _Watch(pair_of(calibration, *pair)) for pair in pairs}
+
+    def cycle(self, number: int, taken: Taken, file: Path | None) -> Cycle:
+        """Make the points of a sequence, and write them if a file is named."""
+        from core.decode import decode
+
+        phases, notes = {}, []
+        for camera, images in taken.images.items():
+            phase = decode(list(taken.patterns), list(images), lines=self.lines, where=f"cycle {number}, {camera}")
+            phases[camera] = replace(phase, camera=camera, projector=self._projector)
+            notes += [f"{camera}: {note}" if len(self._cameras) > 1 else note for note in phase.notes]
+        image, cloud = self._points(phases)
+        if file is not None:
+            write_cloud(file, image, cloud)
+        valid = np.isfinite(cloud.xyz_mm[..., 2])
+        depths = None if cloud.sigma_depth_mm is None else cloud.sigma_depth_mm[valid]
+        seen = {pair: watch.look(self._between(phases, *pair), number) for pair, watch in self._watches.items()}
+        known = {"-".join(pair): point for pair, point in seen.items() if point is not None}
+        return Cycle(
+            number,
+            int(np.count_nonzero(valid)),
+            float(np.count_nonzero(valid) / sum(phase.u.size for phase in phases.values())),
+            None if depths is None or not len(depths) else float(np.nanmedian(depths)),
+            min((point.p for point in known.values()), default=None),
+            any(point.state == "action" for point in known.values()),
+            taken.retakes,
+            taken.seconds,
+            time.monotonic() - taken.begun_s,
+            "" if file is None else str(file),
+            (*notes, *(finding.text for finding in taken.findings if finding.level != "good")),
+            {name: point.p for name, point in known.items()} if len(self._watches) > 1 else {},
+        )
+
+    def _points(self, phases: Mapping[str, PhaseMap]) -> tuple[Floats, PointCloud]:
+        from core.reconstruct import merged
+
+        if len(phases) == 1:
+            (phase,) = phases.values()
+            return phase.image, self._method.reconstruct(phase, self._calibration, False, SILENT)
+        clouds = joint_clouds([*phases.values()], self._calibration)
+        cloud, image = merged(clouds, {name: phase.image for name, phase in phases.items()}, self._calibration)
+        return image, cloud
+
+    def _between(self, phases: Mapping[str, PhaseMap], one: str, other: str) -> PhaseMap:
+        """Give what a camera saw of the projector, or of another camera."""
+        from core.reconstruct import seen_by_other
+
+        return seen_by_other(phases[one], phases[other]) if other in phases else phases[one]
 
 
 class _Watch:
-    """Holds the rig of every cycle against those before it, the first against its calibration."""
+    """Holds a pair of devices in every cycle against those before it, in the first against its calibration."""
 
-    def __init__(self, calibration: Any) -> None:
+    def __init__(self, pair: Pair) -> None:
         from core.orient import expectation_of
 
-        self._pair = pair_of(calibration) if isinstance(calibration, PhotogrammetricCalibration) else None
-        self._expected = None if self._pair is None else expectation_of(self._pair)
+        self._pair, self._expected = pair, expectation_of(pair)
 
     def look(self, phase: PhaseMap, number: int) -> DriftPoint | None:
-        """Test whether the rig stands as it did; None where that cannot be told."""
+        """Test whether they stand as they did; None where that cannot be told."""
         from core.orient import find_motion, judged
 
-        if self._pair is None or self._expected is None:
-            return None
         try:
             motion = find_motion(phase, self._pair, capture=f"cycle {number}")
         except (InputError, AdjustmentError):  # one axis, few pixels, another rig: the points are there all the same

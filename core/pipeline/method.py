@@ -22,6 +22,7 @@ from core.model import (
 )
 from core.pipeline.decode import Look
 from core.pipeline.evidence import Evidence
+from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
 
@@ -80,13 +81,21 @@ class CalibrationMethod:
     #: methods, earlier in `METHODS`, whose calibrations it takes into account where there are any
     reads: tuple[str, ...] = ()
     scaled: bool = False  #: it reads the known lengths
-    #: ``(project, captures) -> Look``: what it wants decoded, which goes on while other methods are at work
-    looks: Callable[[Project, list[Capture]], Look] | None = None
+    #: ``(project, captures, options) -> Look``: what it wants decoded, which goes on while other methods are at work
+    looks: Callable[[Project, list[Capture], CalibrateOptions], Look] | None = None
     reused: bool = False  #: its result is taken from an earlier run that was made from the same
-    one_pair: bool = False  #: it is of one camera with one projector, those that the rig names first
+    one_pair: bool = False  #: it is of one camera with one projector, those that its field `devices` names
     joint: bool = False  #: points that several cameras saw may be intersected from the rays of all
     outside: str = "no intersection in front of the rig"  #: why a decoded pixel may have no point
 
     def uses(self, capture: Capture) -> bool:
         """Whether a capture is one of those that it reads."""
         return capture.role in self.roles and self.usable(capture)
+
+    def is_of(self, project: Project, calibration: Any, camera: str, projector: str) -> bool:
+        """Whether a calibration of one pair is of these devices; any other may be."""
+        return not self.one_pair or self.pair(project, calibration) == (camera, projector)
+
+    def pair(self, project: Project, calibration: Any) -> tuple[str, str]:
+        """Name the camera and the projector that a calibration of one pair is of."""
+        return project.rig.pair(*getattr(calibration, "devices", ()))

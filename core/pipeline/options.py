@@ -6,6 +6,7 @@ from core.errors import InputError, choose_among
 from core.geometry import lens_of
 from core.lazy import dataclass
 from core.model import Project
+from core.pipeline.folders import check_names
 
 DEVICES = ("camera", "projector")
 
@@ -23,6 +24,9 @@ class CalibrateOptions:
     hold: tuple[str, ...] = ()
     #: observations with a normalised residual beyond this are left out as gross errors; None keeps them all
     reject_beyond: float | None = 5.0
+    #: camera, projector: those that the depth calibration is of; empty for those meant where none is named
+    camera: str = ""
+    projector: str = ""
 
 
 def check_options(project: Project, options: CalibrateOptions) -> None:
@@ -38,6 +42,8 @@ def check_options(project: Project, options: CalibrateOptions) -> None:
             devices = " or ".join(project.rig.devices)
             known = f"{devices}, a dot, and one of {', '.join(lens_of(spec).names)}"
             raise InputError("the parameters to hold", f"{name!r} is none", f"give {known}")
+    check_names(project, "camera", filter(None, [options.camera]))
+    check_names(project, "projector", filter(None, [options.projector]))
     if options.reject_beyond is not None and not options.reject_beyond >= 3:
         seen = f"is {options.reject_beyond:g}, which good observations exceed too"
         raise InputError("the limit of gross errors", seen, "give 3 or more, or none")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from core.atomic import check_place
 from core.errors import InputError
@@ -10,6 +11,7 @@ from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, Poi
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.decode import decode_series, one_series, phase_maps
 from core.pipeline.folders import find_capture
+from core.pipeline.method import CalibrationMethod
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import oriented
 from core.pipeline.views import joint_clouds
@@ -37,10 +39,7 @@ def reconstruct_capture(
     chosen, calibration = chosen_calibration(project, method)
     record = METHODS[chosen]
     capture = one_series(find_capture(project, name), camera, projector)
-    if record.one_pair and (capture.camera, capture.projector) != project.rig.usual:
-        of, other = (" with ".join(pair) for pair in (project.rig.usual, (capture.camera, capture.projector)))
-        seen = f"the {record.title} is of {of}, not of {other}"
-        raise InputError(project.path, seen, "use --method photogrammetric")
+    check_pair(project, record, calibration, capture.camera, capture.projector)
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")
@@ -54,6 +53,18 @@ def reconstruct_capture(
     phase = decode_series(capture, project, progress.part(0.0, 0.5))
     cloud = record.reconstruct(phase, calibration, extrapolate, progress.part(0.5, 1.0))
     return phase, cloud
+
+
+def check_pair(project: Project, record: CalibrationMethod, calibration: Any, camera: str, projector: str) -> None:
+    """Refuse devices that a calibration of one pair is not of."""
+    if not record.is_of(project, calibration, camera, projector):
+        of, other = (" with ".join(pair) for pair in (record.pair(project, calibration), (camera, projector)))
+        seen = f"the {record.title} is of {of}, not of {other}"
+        raise InputError(
+            project.path,
+            seen,
+            "calibrate it by `--method polynomial --camera NAME --projector NAME`, or use --method photogrammetric",
+        )
 
 
 def write_cloud(out: Path, image: Floats, cloud: PointCloud) -> int:

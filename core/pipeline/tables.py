@@ -86,6 +86,9 @@ def read_profiles(
     own = [e for e in own if e.devices == own[0].devices]
     if not own:
         known = ", ".join(dict.fromkeys(e.capture for e in evaluations)) or "none"
+        if others := [e.devices for e in evaluations if e.capture == capture]:
+            known = ", ".join(dict.fromkeys(f"{capture} by {' and '.join(devices)}" for devices in others))
+            capture = f"{capture} by {' and '.join(name for name in (camera, projector) if name)}"
         raise InputError(project.path, f"no evaluation of {capture!r}", f"evaluate it first; evaluated: {known}")
     ends = line or line_across([e.deviation_mm for e in own])
     spec = project.rig.cameras[own[0].devices[0]]

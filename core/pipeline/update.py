@@ -12,7 +12,7 @@ from core.figures import phase_figures
 from core.lazy import dataclass
 from core.model import Capture, Figures, Method, Project
 from core.parallel import on_processes
-from core.pipeline.calibrate import calibrate_project, methods_in_use
+from core.pipeline.calibrate import calibrate_project, chosen_calibration, methods_in_use
 from core.pipeline.decode import phase_maps
 from core.pipeline.evaluate import evaluate_project
 from core.pipeline.failures import StageFailure, clear_failure, keep_failure
@@ -149,8 +149,9 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
             if stale := graph.of_calibrations([method]):
                 left.setdefault(stale[0], []).append(name)
                 continue
+            _, calibration = chosen_calibration(project, method)
             for pair in graph.captures[name].pairs:
-                if pair == project.rig.usual or not METHODS[method].one_pair:
+                if METHODS[method].is_of(project, calibration, *pair):
                     keep_points(project, capture, method, camera=pair[0], projector=pair[1])
                     done.append(name)
     told = [f"points of {len(set(done))} captures"] if done else []

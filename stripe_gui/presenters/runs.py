@@ -50,6 +50,7 @@ def options_words(options: CalibrateOptions, methods: Sequence[Method]) -> str:
         words.append(translate("Runs", "depth table") if options.degree is None else degree)
         if options.low_pass_px != usual.low_pass_px:
             words.append(translate("Runs", "low-pass {s:g} px").format(s=options.low_pass_px))
+        words += [name for name in (options.camera, options.projector) if name]
     if options.without:
         words.append(translate("Runs", "without {names}").format(names=", ".join(options.without)))
     return "; ".join(words)

@@ -187,7 +187,7 @@ def of_seed(folder: Path, seed: int, count: int) -> tuple[dict[str, Deviations],
     project, truth, method = read_project(folder), experiment("paper", seed), METHODS["photogrammetric"]
     captures = captures_of(project, "testfield")
     assert method.looks
-    look = method.looks(project, captures)
+    look = method.looks(project, captures, CalibrateOptions())
     made = method.calibrate(project, captures, CalibrateOptions(), SILENT, lambda: look.taken(project))
     found, adjustment, targets = made.calibration, made.beside[ADJUSTMENT], list(made.targets)
     assert isinstance(found, PhotogrammetricCalibration)

@@ -23,6 +23,7 @@ from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project
 from core.pipeline import (
     calibrate_project,
+    evaluate_project,
     kept_evaluation,
     load_calibrations,
     reconstruct_capture,
@@ -32,6 +33,7 @@ from core.pipeline import (
 )
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
+from core.pipeline.graph import project_states
 from core.pipeline.measure import kept_targets
 from core.pipeline.report import report_data
 from core.pipeline.volumes import volume_figures
@@ -111,7 +113,10 @@ def test_reports_say_whose_planes_they_tell_of(project: Project, plain_reports: 
     assert len(planes) == len(set(planes)) == 8
     assert "plane+15, right and all devices, photogrammetric" in planes
     assert any("from the fitted plane over 2 positions" in text for text in whole.summary.findings)
-    assert all(drawing.caption.endswith(" Of left with projector.") for drawing in plane_drawings(data))
+    keys = {drawing.key.partition("-")[0] + drawing.caption.rpartition(" Of")[2] for drawing in plane_drawings(data)}
+    assert keys == {"deviations left.", "deviations right.", "histograms left.", "histograms right."}
+    rows = [axes.get_ylabel() for drawing in plane_drawings(data) for axes in drawing.figure.axes]
+    assert sum("all devices" in label for label in rows) == sum("\nprojector" in label for label in rows) == 4
     assert "plane+15, left and projector photogrammetric" in verdict(data.evaluations, Tolerance(1e-3)).text
 
 
@@ -445,3 +450,69 @@ def turn_second_camera(stereo: Path, angle: float) -> None:
     for key, value in values.items():
         write.write(key, roll @ value if key in ("R", "T") else value)
     write.release()
+
+
+def test_live_takes_every_camera(project: Project, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Only the first pair's was taken. Points of a plane, each once: flat within their sigmas, in the first's frame."""
+    scene = "virtual:stereo?shot=plane%2B15"
+    urls = ["--projector", scene, *(f"--camera={name}={scene}&camera={name}" for name in project.rig.cameras)]
+    words = ["live", str(project.path), *urls, "--count", "1", "--out", str(tmp_path), "--format", "npz"]
+    assert main([*words, "--json", str(tmp_path / "live.json")]) == 0
+    (cycle,) = json.loads((tmp_path / "live.json").read_text())["cycles"]
+    assert list(cycle["pairs"]) == ["left-projector", "right-projector"]
+    assert cycle["p"] == min(cycle["pairs"].values()) > 1e-3
+    with np.load(tmp_path / "0001.npz") as stored:
+        points, sigma = stored["xyz"].reshape(-1, 3), stored["sigma_depth"].ravel()
+    bench = experiment("stereo", 0)
+    true = truth_maps(bench.rig, bench.shot("plane+15").scene).xyz_mm.reshape(-1, 3)
+    normal = np.linalg.svd((true - np.nanmean(true, 0))[np.isfinite(true).all(1)], full_matrices=False)[2][2]
+    off = (points - np.nanmean(true, 0)) @ normal
+    assert abs(off.mean()) < 0.3  # as well as the calibration's sigmas tell where the plane is
+    flat = np.linalg.svd(points - points.mean(0), full_matrices=False)[1][2] / np.sqrt(len(points))
+    assert flat < 1.2 * np.sqrt(np.mean(sigma**2))
+    assert len(points) == cycle["points"] > 35_000
+    rows = json.loads((project.path / "evaluation.json").read_text())["planes"]
+    (alone,) = (row["rms_mm"] for row in rows if row["capture"] == "plane+15" and row["projector"] == "projector"
+                and row["camera"] == "left")  # fmt: skip
+    assert flat < 0.75 * alone  # sixty per cent are expected: the cameras stand on either side
+
+
+@pytest.mark.parametrize(
+    ("option", "seen"), [("--camera=up=", "no camera 'up'"), ("--projector=p=", "no projector 'p'")]
+)
+def test_live_names_devices_that_are_not_there(project: Project, option: str, seen: str, capsys) -> None:
+    assert main(["live", str(project.path), f"{option}virtual:stereo"]) == 2
+    told = capsys.readouterr().err
+    assert seen in told
+    assert told.count("\n") == 1
+
+
+def test_profiles_of_unknown_devices_say_who_saw_the_plane(project: Project, capsys) -> None:
+    assert main(["profile", str(project.path), "plane+15", "--camera", "up"]) == 2
+    assert "plane+15 by right and projector" in capsys.readouterr().err
+
+
+def test_the_depth_method_is_of_the_pair_that_is_asked_for(quick: Path, edit_json, capsys) -> None:
+    """It was of the pair that the rig names first, and no other could be had; the same frames give the same depths."""
+    assert main(["calibrate", str(quick), "--method", "polynomial"]) == 0
+    first = load_calibrations(read_project(quick))["polynomial"]
+    device = json.loads((quick / "project.json").read_text())["camera"]
+    edit_json(quick / "project.json", version=2, camera=None, cameras={"a": device, "b": device})
+    for path in quick.glob("captures/*/capture.json"):
+        frames = [{**frame, "camera": "b"} for frame in json.loads(path.read_text())["frames"]]
+        edit_json(path, version=2, frames=frames)
+    calibrate = ["calibrate", str(quick), "--method", "polynomial"]
+    assert main(calibrate) == 2
+    assert "has no frames of a with projector" in capsys.readouterr().err
+    assert main([*calibrate, "--camera", "c"]) == 2
+    assert "no camera 'c'" in capsys.readouterr().err
+    assert main([*calibrate, "--camera", "b"]) == 0
+    project = read_project(quick)
+    second = load_calibrations(project)["polynomial"]
+    assert second.devices == ("b", "projector")
+    assert np.array_equal(first.coefficients, second.coefficients, equal_nan=True)
+    (plane, *_) = evaluate_project(project)
+    assert plane.devices == ("b", "projector")
+    assert not project_states(project).outdated("calibrate")
+    assert main(["live", str(quick), "--count", "1", "--camera", "a=virtual:quick"]) == 2
+    assert "is of b with projector, not of a with projector" in capsys.readouterr().err

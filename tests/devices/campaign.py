@@ -104,7 +104,7 @@ def by_urls(project: Project, setup: str, seed: int) -> Iterator[tuple[Continuou
         def at(rate: float) -> None:
             faults.rates = dict.fromkeys(TRIGGER_FAULTS, rate / len(TRIGGER_FAULTS))
 
-        yield Continuous(project, projector, camera), (at, lambda: len(faults.committed))
+        yield Continuous(project, projector, {"camera": camera}), (at, lambda: len(faults.committed))
 
 
 @contextmanager
@@ -119,7 +119,7 @@ def by_cable(project: Project, setup: str, seed: int) -> Iterator[tuple[Continuo
         url = f"serial:{port}?profile=lightcrafter4500&columns=64&rows=64&settle_ms=1"
         with closing(open_projector(url)) as projector:
             rates = partial(setattr, cable, "rate")
-            yield Continuous(project, projector, camera), (rates, lambda: cable.wrong)
+            yield Continuous(project, projector, {"camera": camera}), (rates, lambda: cable.wrong)
 
 
 def triggered(project: Project, setup: str, count: int, seed: int) -> Counter[str]:
@@ -133,7 +133,7 @@ def triggered(project: Project, setup: str, count: int, seed: int) -> Counter[st
             before = wrong()
             try:
                 taken = rig.take()
-                worst = max(np.abs(i - w).mean() for i, w in zip(taken.images, wanted, strict=True))
+                worst = max(np.abs(i - w).mean() for i, w in zip(taken.images["camera"], wanted, strict=True))
                 counts["mislabelled" if worst > 1.5 else "right"] += 1
                 counts["taken again"] += taken.retakes
             except DeviceError:

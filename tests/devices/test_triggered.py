@@ -75,7 +75,7 @@ def test_images_are_matched_to_triggers_by_their_times(times: list[float], seen:
 def test_what_a_projector_of_bytes_is_asked(tmp_path: Path) -> None:
     """Loaded once, then one question a sequence: nothing is said between the patterns."""
     with open_devices(*TRIGGERED["camera, emulated"]) as (projector, camera):
-        rig = Continuous(make_project(tmp_path), projector, camera)
+        rig = Continuous(make_project(tmp_path), projector, {"camera": camera})
         rig.take()
         asked = projector.dialogue.asked
         rig.take()

@@ -8,7 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, add_subject, chosen_sequence, chosen_subject, sequence_argument
+from core.cli.arguments import (
+    Commands,
+    Options,
+    add_subject,
+    add_urls,
+    camera_urls,
+    chosen_sequence,
+    chosen_subject,
+    named_url,
+    sequence_argument,
+)
 from core.errors import InputError
 from core.progress import Progress
 
@@ -17,9 +27,7 @@ def add(commands: Commands) -> None:
     """Declare the commands of this group."""
     sub = commands.add_on_folder("capture", _capture, "run one sequence on real or virtual devices")
     add_subject(sub)
-    sub.add_argument("--projector", metavar="URL", help="virtual, serial, screen, ...; one of several as NAME=URL")
-    words = "virtual, folder, replay, uvc, ...; for several cameras repeat it with NAME=URL"
-    sub.add_argument("--camera", metavar="URL", action="append", default=[], help=words)
+    add_urls(sub)
     sub.add_argument("--png", action="store_true", help="store PNG: a third of the space, ten times the time")
 
     sub = commands.add(
@@ -63,12 +71,12 @@ def add(commands: Commands) -> None:
 
 
 def _capture(options: Options, progress: Progress) -> dict[str, Any]:
-    name, url = _named(options.projector or "")
+    name, url = named_url(options.projector or "")
     report = pipeline.capture_into(
         options.project,
         chosen_subject(options, projector=name),
         projector=url or None,
-        camera=_cameras(options.camera),
+        camera=camera_urls(options.camera),
         sequence=chosen_sequence(options),
         progress=progress,
         png=options.png,
@@ -82,22 +90,6 @@ def _shown(report: Any) -> dict[str, Any]:
     for words in report.words:
         print(f"  {words}")
     return {"capture": str(report.folder), "frames": report.frames, "findings": list(report.words)}
-
-
-def _named(given: str) -> tuple[str, str]:
-    """Split NAME=URL; the name is empty where only a URL is given, whose options may hold an equals sign, too."""
-    name, sep, url = given.partition("=")
-    return (name, url) if sep and ":" not in name else ("", given)
-
-
-def _cameras(given: list[str]) -> str | dict[str, str] | None:
-    """One camera's URL, or those of several by their names in the rig."""
-    split = [_named(url) for url in given]
-    if all(name for name, _ in split):
-        return dict(split) or None
-    if len(given) > 1:
-        raise InputError("--camera", " ".join(given), "name each of several in the rig: --camera NAME=URL")
-    return given[0]
 
 
 def _probe(options: Options, progress: Progress) -> dict[str, Any]:

@@ -33,6 +33,8 @@ def add(commands: Commands) -> None:
         "--free-stations", action="store_true", help="orient every station on its own: the rig is not rigid"
     )
     sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
+    sub.add_argument("--camera", default="", metavar="NAME", help="of the depth calibration, if there are several")
+    sub.add_argument("--projector", default="", metavar="NAME", help="likewise")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
     sub.add_argument("--low-pass", type=float, default=2.0, metavar="PX", help="smooth the plate (default 2; 0: off)")
     sub.add_argument("--without", action="append", default=[], metavar="NAME", help="leave this capture out")
@@ -134,6 +136,8 @@ def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
         without=tuple(options.without),
         hold=tuple(options.hold),
         reject_beyond=options.reject or None,
+        camera=options.camera,
+        projector=options.projector,
     )
     project = options.project
     calibrations = pipeline.calibrate_project(project, options.method, chosen, progress)

@@ -6,7 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from core import pipeline
-from core.cli.arguments import Commands, Options, add_devices, chosen_sequence, method_name, sequence_argument
+from core.cli.arguments import (
+    Commands,
+    Options,
+    add_devices,
+    add_urls,
+    camera_urls,
+    chosen_sequence,
+    method_name,
+    named_url,
+    sequence_argument,
+)
 from core.errors import InputError
 from core.progress import Progress
 
@@ -40,8 +50,7 @@ def add(commands: Commands) -> None:
     add_devices(sub)
 
     sub = commands.add_on_folder("live", _live, "capture and reconstruct repeatedly, until Ctrl+C")
-    sub.add_argument("--projector", metavar="URL", help="as for `capture`")
-    sub.add_argument("--camera", metavar="URL")
+    add_urls(sub)
     sub.add_argument(
         "--method", type=method_name, metavar="METHOD", help="photogrammetric (default, if any) or polynomial"
     )
@@ -103,10 +112,12 @@ def _features(options: Options, progress: Progress) -> dict[str, Any]:
 def _live(options: Options, progress: Progress) -> dict[str, Any]:
     from contextlib import closing
 
+    name, url = named_url(options.projector or "")
     cycles = pipeline.live_cycles(
         options.project,
-        projector=options.projector,
-        camera=options.camera,
+        projector=url or None,
+        camera=camera_urls(options.camera),
+        shown_by=name,
         method=options.method,
         sequence=chosen_sequence(options),
         count=options.count,

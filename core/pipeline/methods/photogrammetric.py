@@ -33,7 +33,7 @@ from core.progress import Progress
 ADJUSTMENT = "adjustment.npz"
 
 
-def _look(project: Project, captures: list[Capture]) -> Look:
+def _look(project: Project, captures: list[Capture], options: CalibrateOptions) -> Look:
     known = common_testfield(captures).index()  # refused before anything is decoded
     bars = [("scale", project.scale), *((f"lengths, entry {i}", bar) for i, bar in enumerate(project.lengths))]
     for where, end in ((where, end) for where, bar in bars if bar is not None for end in (bar.start, bar.stop)):

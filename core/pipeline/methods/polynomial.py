@@ -19,6 +19,7 @@ from core.model import (
     Capture,
     Concern,
     DepthCalibration,
+    DeviceSpec,
     Interior,
     PhaseMap,
     PhotogrammetricCalibration,
@@ -52,14 +53,14 @@ def _field(captures: Sequence[Capture]) -> Testfield | None:
     return common_testfield(named) if named else None
 
 
-def _look(project: Project, captures: list[Capture]) -> Look:
+def _look(project: Project, captures: list[Capture], options: CalibrateOptions) -> Look:
     side, _ = side_of(captures), _field(captures)  # refused before anything is decoded
     signs = signs_of(project, [c for c in captures if c.testfield is not None or c.seeds], {"depth": side})
     # depth per pixel is a matter of one camera with one projector
-    of_pair = [s for c in captures for s in c.series if (s.camera, s.projector) == project.rig.usual]
+    camera, projector = project.rig.pair(options.camera, options.projector)
+    of_pair = [s for c in captures for s in c.series if (s.camera, s.projector) == (camera, projector)]
     if lacking := {c.name for c in captures} - {s.name for s in of_pair}:
-        camera, projector = project.rig.usual
-        remedy = f"capture the plate with both, or list their pair first in {project.path / 'project.json'}"
+        remedy = "capture the plate with both, or choose others with --camera and --projector"
         raise InputError(f"capture {min(lacking)}", f"has no frames of {camera} with {projector}", remedy)
     captures = of_pair
     boards = [c for c in captures if c.testfield is not None or c.seeds]
@@ -97,11 +98,13 @@ def _calibrate(
         own = told.get(capture.path)
         planes.append(DepthPlane(capture.z_mm, phase, own if own is not None and len(own.row) else None))
     degree, warnings = _degree_for(len(planes), options.degree)
-    interior = _interior(project, earlier.get("photogrammetric"))
+    devices = project.rig.pair(options.camera, options.projector)
+    camera = project.rig.cameras[devices[0]]
+    interior = _interior(devices[0], camera, earlier.get("photogrammetric"))
     adjusted = None if field is None else _adjusted(field, earlier.get(ADJUSTMENT))
     try:
         calibration = calibrate_depth(
-            project.camera,
+            camera,
             field,
             planes,
             options=DepthOptions(degree=degree, low_pass_px=options.low_pass_px),
@@ -113,21 +116,21 @@ def _calibrate(
     except AdjustmentError as error:
         from core.checks import repeated_targets
 
-        known = interior[0] if interior else nominal(project.camera)
+        known = interior[0] if interior else nominal(camera)
         sets = [t for t in told.values() if len(t.row)]
         scale = None if adjusted is None else project.scale
-        told_of = lengths_of(project.camera, known, plates.boards, {t.capture: t for t in sets}, scale)
+        told_of = lengths_of(camera, known, plates.boards, {t.capture: t for t in sets}, scale)
         doubts = repeated_targets(sets) or [concern for concern in told_of if concern.state == "failed"]
         if not doubts:
             with because_of({c.name: phase.notes for c, phase in decoded}):
                 raise
         raise AdjustmentError(error.where, error.seen, f"{error.remedy}. First see to this: {doubts[0].text}") from None
-    return Calibrated(replace(calibration, warnings=(*notes, *warnings, *calibration.warnings)), list(told.values()))
+    told_all = (*notes, *warnings, *calibration.warnings)
+    return Calibrated(replace(calibration, devices=devices, warnings=told_all), list(told.values()))
 
 
-def _interior(project: Project, known: PhotogrammetricCalibration | None) -> tuple[Interior, Array] | None:
+def _interior(name: str, spec: DeviceSpec, known: PhotogrammetricCalibration | None) -> tuple[Interior, Array] | None:
     """Give the camera's interior orientation and its covariance, from a calibration of the same device."""
-    name, spec = project.rig.camera_name, project.camera
     device = known.devices.get(name) if known is not None else None
     if known is None or device is None or device.spec != spec:
         return None
@@ -160,7 +163,9 @@ def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
     lengths = evidence.lengths
     if evidence.photogrammetric is None:
         plates = [c for c in evidence.captures if c.role == "depth"]
-        lengths = lengths_of(depth.camera_spec, depth.camera, plates, evidence.kept)
+        camera, _ = POLYNOMIAL.pair(evidence.project, depth)
+        seen = {t.capture: t for t in evidence.sets if t.camera == camera}
+        lengths = lengths_of(depth.camera_spec, depth.camera, plates, seen)
     of_plates = [c for c in lengths if c.about != "board"]
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
     return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
@@ -177,6 +182,11 @@ def _of_residuals(depth: DepthCalibration) -> list[Concern]:
     return [Concern("failed" if ratio > 2 * RESIDUAL_RATIO else "doubtful", text)]
 
 
+def _devices(project: Project, depth: DepthCalibration) -> list[tuple[str, DeviceSpec, DeviceSpec]]:
+    name, _ = POLYNOMIAL.pair(project, depth)
+    return [(name, project.rig.cameras[name], depth.camera_spec)]
+
+
 POLYNOMIAL = CalibrationMethod(
     title="depth calibration",
     result=DepthCalibration,
@@ -186,11 +196,11 @@ POLYNOMIAL = CalibrationMethod(
     looks=_look,
     reconstruct=intersected,
     figures=depth_figures,
-    devices=lambda project, depth: [("camera", project.camera, depth.camera_spec)],
+    devices=_devices,
     camera=lambda phase, depth: depth.camera,
     judge=_judge,
     about="From the plate at known depths alone. Measures between the plate positions only.",
-    options=("degree", "low_pass_px"),
+    options=("degree", "low_pass_px", "camera", "projector"),
     reads=("photogrammetric",),
     least=2,  # a single position tells no depth
     reused=True,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import ceil, floor, log10
 
@@ -13,7 +14,7 @@ from matplotlib.colors import Colormap, Normalize
 from numpy.typing import NDArray
 
 from core.model import Method, PlaneEvaluation
-from core.report.data import ReportData, captures_in_order, finite_deviations, methods_in_order
+from core.report.data import ReportData, captures_in_order, finite_deviations
 from core.report.figures.canvas import (
     FILL,
     GRID,
@@ -35,19 +36,33 @@ Captures = list[tuple[str, float | None]]
 
 
 def plane_drawings(data: ReportData) -> list[Drawing]:
-    """Maps and histograms of one pair of devices, at most four captures in a figure, all on one scale."""
+    """Maps and histograms through every camera, at most four captures in a figure, all on one scale.
+
+    A row is of one method and, where there are several, of one of those that made points with the camera.
+    """
     mapped = tuple(e for e in data.evaluations if len(finite_deviations(e)))
     if not mapped:
         return []
-    of = "" if len({e.devices for e in mapped}) == 1 else " Of {} with {}.".format(*mapped[0].devices)
-    mapped = tuple(e for e in mapped if e.devices == mapped[0].devices)
     limit_mm = data.colour_limit_mm or colour_limit_mm(mapped)
-    captures = captures_in_order(mapped)
-    across = ceil(len(captures) / ceil(len(captures) / COLUMNS))  # rows of about equal length
-    groups = [captures[i : i + across] for i in range(0, len(captures), across)]
-    maps = [_maps(group, mapped, limit_mm) for group in groups]
-    drawings = _numbered(maps) + _numbered([_histograms(group, mapped, limit_mm) for group in groups])
-    return [replace(drawing, caption=drawing.caption + of) for drawing in drawings]
+    maps: list[Drawing] = []
+    histograms: list[Drawing] = []
+    for camera in dict.fromkeys(e.devices[0] for e in mapped):
+        own = tuple(e for e in mapped if e.devices[0] == camera)
+        of = "" if len({e.devices for e in mapped}) == 1 else f" Of {camera}."
+        captures = captures_in_order(own)
+        across = ceil(len(captures) / ceil(len(captures) / COLUMNS))  # rows of about equal length
+        for i in range(0, len(captures), across):
+            for drawn, draw in ((maps, _maps), (histograms, _histograms)):
+                drawing = draw(captures[i : i + across], own, limit_mm)
+                drawn.append(replace(drawing, caption=drawing.caption + of))
+    return _numbered(maps) + _numbered(histograms)
+
+
+def _rows(evaluations: tuple[PlaneEvaluation, ...]) -> dict[tuple[Method, str], str]:
+    """Name the rows of a camera's figure, by method and who made the points with it."""
+    found = dict.fromkeys((e.method, e.devices[1]) for e in evaluations)
+    several = len({by for _, by in found}) > 1
+    return {(method, by): f"{method}\n{drawable(shortened(by, 22))}" if several else method for method, by in found}
 
 
 def _numbered(figures: list[Drawing]) -> list[Drawing]:
@@ -76,19 +91,19 @@ def colour_limit_mm(evaluations: tuple[PlaneEvaluation, ...]) -> float:
 
 
 def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float) -> Drawing:
-    methods = methods_in_order(evaluations)
+    rows = _rows(evaluations)
     height, width = max(e.deviation_mm.shape for e in evaluations)
     cell_in = (WIDTH_IN - 1.0) / max(len(captures), 2)
-    figure = new_figure(min(len(methods) * (cell_in * height / width + 0.45) + 0.75, 11.0))
-    axes = figure.subplots(len(methods), len(captures), squeeze=False)
+    figure = new_figure(min(len(rows) * (cell_in * height / width + 0.45) + 0.75, 11.0))
+    axes = figure.subplots(len(rows), len(captures), squeeze=False)
     colours = colormaps["RdBu_r"].with_extremes(bad=NO_DATA)
     scale = Normalize(-limit_mm, limit_mm)
-    for row, method in enumerate(methods):
+    for row, (of, label) in enumerate(rows.items()):
         for column, capture in enumerate(captures):
-            _map(axes[row, column], _find(evaluations, capture[0], method), colours, scale)
+            _map(axes[row, column], _find(evaluations, capture[0], of), colours, scale)
             if row == 0:
                 axes[row, column].set_title(f"{_heading(capture)}\n{axes[row, column].get_title()}")
-        axes[row, 0].set_ylabel(method)
+        axes[row, 0].set_ylabel(label)
     shown = [finite_deviations(e) for e in evaluations if e.capture in dict(captures)]
     beyond = float(np.mean(np.abs(np.concatenate(shown)) > limit_mm))
     extend = "both" if beyond else "neither"
@@ -105,7 +120,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
         "deviations",
         "Deviation maps of the plane-table",
         caption,
-        f"Colour maps of the deviations, rows {' and '.join(methods)}, columns {panels}; figures in Table 3.",
+        f"Colour maps of the deviations, rows {_in_a_line(rows)}, columns {panels}; figures in Table 3.",
         figure,
     )
 
@@ -123,16 +138,16 @@ def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scal
 
 
 def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float) -> Drawing:
-    methods = methods_in_order(evaluations)
-    figure = new_figure(len(methods) * 1.75 + 0.7)
-    axes = figure.subplots(len(methods), len(captures), squeeze=False, sharex=True, sharey=True)
+    rows = _rows(evaluations)
+    figure = new_figure(min(len(rows) * 1.75 + 0.7, 11.0))
+    axes = figure.subplots(len(rows), len(captures), squeeze=False, sharex=True, sharey=True)
     edges = np.linspace(-limit_mm, limit_mm, 62)
-    for row, method in enumerate(methods):
+    for row, (of, label) in enumerate(rows.items()):
         for column, capture in enumerate(captures):
-            _histogram(axes[row, column], _find(evaluations, capture[0], method), edges)
+            _histogram(axes[row, column], _find(evaluations, capture[0], of), edges)
             if row == 0:
                 axes[row, column].set_title(_heading(capture))
-        axes[row, 0].set_ylabel(f"{method}\n% of pixels")
+        axes[row, 0].set_ylabel(f"{label}\n% of pixels")
     top = max(a.get_ylim()[1] for a in axes.flat)
     axes[0, 0].set_ylim(0, top * 1.28)  # room for the figures above the bars
     axes[0, 0].set_xlim(-limit_mm, limit_mm)
@@ -148,7 +163,7 @@ def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], li
         "histograms",
         "Distribution of the deviations",
         caption,
-        f"Histograms of the deviations, rows {' and '.join(methods)}; r.m.s. and predicted r.m.s. are in Table 3.",
+        f"Histograms of the deviations, rows {_in_a_line(rows)}; r.m.s. and predicted r.m.s. are in Table 3.",
         figure,
     )
 
@@ -175,8 +190,12 @@ def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np
     axes.text(0.03, 0.98, "\n".join(lines), va="top", fontsize=7, color=INK, transform=axes.transAxes)
 
 
-def _find(evaluations: tuple[PlaneEvaluation, ...], capture: str, method: Method) -> PlaneEvaluation | None:
-    return next((e for e in evaluations if e.capture == capture and e.method == method), None)
+def _find(evaluations: tuple[PlaneEvaluation, ...], capture: str, of: tuple[Method, str]) -> PlaneEvaluation | None:
+    return next((e for e in evaluations if e.capture == capture and (e.method, e.devices[1]) == of), None)
+
+
+def _in_a_line(rows: Mapping[tuple[Method, str], str]) -> str:
+    return " and ".join(label.replace("\n", " by ") for label in rows.values())
 
 
 def _heading(capture: tuple[str, float | None]) -> str:
