@@ -57,7 +57,8 @@ def calibrate_photogrammetric(
     Parameters
     ----------
     rig : Rig
-        Devices with nominal focal lengths only, or with what is known of them before.
+        Devices with nominal focal lengths only, or with what is known of them before. Projectors that only label
+        places are left out.
     testfield, targets, scale, lengths
         As of `network_from_targets`.
     rigid : bool
@@ -82,8 +83,15 @@ def calibrate_photogrammetric(
         As `core.calibrate.adjust`; also if no captures tie the devices to each other.
     """
 
+    use = [name for name, spec in rig.devices.items() if not spec.labels_only]
+    if len(use) < 2:
+        seen = f"{' and '.join(rig.projectors)} without pitch_mm and nominal_c_mm, and one camera"
+        raise InputError(
+            "project.json", seen, "give both of the projector: beside a single camera it is calibrated too"
+        )
+
     def solved_by(targets: Sequence[TargetSet], progress: Progress) -> tuple[Solved, Warnings, dict[str, int]]:
-        network = network_from_targets(rig, testfield, targets, scale=scale, lengths=lengths, rigid=True)
+        network = network_from_targets(rig, testfield, targets, scale=scale, lengths=lengths, rigid=True, use=use)
         network = _holding(network, hold)
         groups = dict(zip(network.station_names, network.station_pose, strict=True))
         if not rigid:

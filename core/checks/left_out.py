@@ -71,6 +71,8 @@ def rejected_of(
         camera = np.asarray(np.isfinite(t.camera_uv).all(axis=1))
         projected = np.asarray(np.isfinite(t.projector_uv).any(axis=1))
         for device, other, seen in ((t.camera, t.projector, camera), (t.projector, t.camera, camera & projected)):
+            if device not in network.devices:  # a projector that only labels places
+                continue
             station, of = str(StationId(t.capture, device)), int(seen.sum())
             if station not in left and (by := str(StationId(t.capture, device, other))) in left:
                 station = by

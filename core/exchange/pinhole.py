@@ -203,11 +203,14 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
 
     The program's own lens model is taken where it says the same to `SAME_PX`, else that of OpenCV.
     """
+    if spec.labels_only:
+        seen = f"has neither pitch_mm nor nominal_c_mm of {p.name}"
+        raise InputError("project.json", seen, "give both, or import the calibration of the cameras alone (--cameras)")
     if (p.width, p.height) != (spec.width, spec.height):
         raise InputError(
             f"{p.name} of the calibration",
             f"is {p.width} x {p.height}, the one in project.json has {spec.width} x {spec.height}",
-            "import it into a project of the same devices; --cameras and --projector name them in the file's order",
+            "import it into a project of the same devices; --camera and --projector name them, --cameras several cameras",
         )
     if min(p.fx, p.fy) <= 0:
         raise InputError(f"{p.name} of the calibration", f"fx {p.fx:g} and fy {p.fy:g} px", "export it again")

@@ -55,7 +55,10 @@ def pair_of(calibration: PhotogrammetricCalibration | Pair, camera: str = "", pr
         if name not in calibration.devices:
             if not calibration.projectors:
                 seen = f"is of {' and '.join(calibration.cameras)}; no projector is calibrated"
-                remedy = "calibrate the projector too: cameras alone can reconstruct, evaluate and report"
+                remedy = (
+                    "calibrate the projector too, which takes its pitch_mm and nominal_c_mm: cameras alone can "
+                    "reconstruct, evaluate and report"
+                )
                 raise InputError("calibration", seen, remedy)
             raise InputError("calibration", f"has no device {name!r}", f"it knows {', '.join(calibration.devices)}")
     to_camera, to_projector = (calibration.orientations.get(name) for name in (camera, projector))

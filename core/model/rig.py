@@ -52,8 +52,8 @@ class DeviceSpec:
 
     width: int
     height: int
-    pitch_mm: tuple[float, float]
-    nominal_c_mm: float
+    pitch_mm: tuple[float, float]  # 0 of a projector that only labels places
+    nominal_c_mm: float  # likewise
     r0_mm: float | None = None  #: where the radial parameters shall be zero
     #: known before: its model is the one that is estimated, its values are where the estimation begins
     interior: Interior | None = None
@@ -61,6 +61,11 @@ class DeviceSpec:
     interior_sigma: tuple[float, ...] = ()
     #: (level, light) of a projector, measured before; empty where not known
     response: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def labels_only(self) -> bool:
+        """Whether nothing but the raster of a projector is told: it labels places, and is not calibrated."""
+        return not self.nominal_c_mm
 
     @property
     def zero_radius_mm(self) -> float:

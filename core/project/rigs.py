@@ -19,8 +19,11 @@ MOST_UNSURE = 0.2  # sigma of a length as a share of it: the scale that this giv
 KINDS = ("camera", "projector")
 
 
-def read_device(fields: Fields) -> DeviceSpec:
-    """Read a camera or projector of project.json or network.json."""
+def read_device(fields: Fields, may_label: bool = False) -> DeviceSpec:
+    """Read a camera or projector of project.json or network.json; the latter may be there to label places alone."""
+    if may_label and all(fields.get(key) is None for key in ("pitch_mm", "nominal_c_mm", "interior")):
+        size = fields.integer("width", 1, MOST_PIXELS), fields.integer("height", 1, MOST_PIXELS)
+        return DeviceSpec(*size, (0.0, 0.0), 0.0, response=_response(fields))
     spec = DeviceSpec(
         fields.integer("width", 1, MOST_PIXELS),
         fields.integer("height", 1, MOST_PIXELS),
@@ -97,11 +100,11 @@ def read_rig(fields: Fields) -> Rig:
             for name in devices.data:
                 if not name or any(c in name for c in "/.:\\") or name.strip() != name:
                     raise InputError(devices.where, f"a device is named {name!r}", "use letters, digits, - and _")
-                own[name] = read_device(devices.nested(name))
+                own[name] = read_device(devices.nested(name), kind == "projector")
         if fields.get(kind) is not None or not own:
             if kind in own:
                 raise fields.refuse(kind, "given twice", f"keep it under {many!r} only")
-            own[kind] = read_device(fields.nested(kind))
+            own[kind] = read_device(fields.nested(kind), kind == "projector")
     if both := found["camera"].keys() & found["projector"].keys():
         raise fields.refuse("projectors", sorted(both)[0], "give every device a name of its own")
     rig = Rig(found["camera"], found["projector"])
@@ -125,18 +128,15 @@ def rig_to_dict(rig: Rig) -> dict[str, Any]:
 def rig_version(rig: Rig) -> int:
     """Version of the interchange format that a rig needs."""
     short = list(rig.cameras) == ["camera"] and list(rig.projectors) == ["projector"]
-    plain = all(spec.interior is None and not spec.response for spec in rig.devices.values())
+    plain = all(spec.interior is None and not spec.response and not spec.labels_only for spec in rig.devices.values())
     return 1 if short and plain else 2
 
 
 def device_to_dict(spec: DeviceSpec) -> dict[str, Any]:
     """Give a device as project.json holds it."""
-    data: dict[str, Any] = {
-        "width": spec.width,
-        "height": spec.height,
-        "pitch_mm": list(spec.pitch_mm),
-        "nominal_c_mm": spec.nominal_c_mm,
-    }
+    data: dict[str, Any] = {"width": spec.width, "height": spec.height}
+    if not spec.labels_only:
+        data |= {"pitch_mm": list(spec.pitch_mm), "nominal_c_mm": spec.nominal_c_mm}
     if spec.r0_mm is not None:
         data["r0_mm"] = spec.r0_mm
     if spec.interior is not None:

@@ -69,5 +69,7 @@ def _facts(data: ReportData) -> tuple[str, ...]:
 
 
 def _device(spec: DeviceSpec, unit: str) -> str:
+    if spec.labels_only:
+        return f"{spec.width} × {spec.height} {unit}, which label places"
     pitch = " × ".join(f"{1000 * p:g}" for p in spec.pitch_mm)
     return f"{spec.width} × {spec.height} {unit}, pitch {pitch} µm, nominal c {spec.nominal_c_mm:g} mm"
