@@ -210,7 +210,7 @@ def device_from(p: Pinhole, spec: DeviceSpec) -> AdjustedDevice:
         raise InputError(
             f"{p.name} of the calibration",
             f"is {p.width} x {p.height}, the one in project.json has {spec.width} x {spec.height}",
-            "import it into a project of the same devices; --camera and --projector name them, --cameras several cameras",
+            "import it into a project of the same devices; --camera, --projector and --cameras name them",
         )
     if min(p.fx, p.fy) <= 0:
         raise InputError(f"{p.name} of the calibration", f"fx {p.fx:g} and fy {p.fy:g} px", "export it again")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,12 @@ from core.atomic import atomic_write, write_json
 from core.errors import InputError
 from core.fields import Fields, read_document, read_table
 from core.geometry import LENSES, lens_of
-from core.model import Network, NetworkDevice, NetworkScale
+from core.model import Array, Network, NetworkDevice, NetworkScale
 from core.project.captures import VERSION
 from core.project.rigs import device_to_dict, read_device, read_length
 
 SEVERAL, TINY = 8, 0.02  # observations of a device that reach over so little of its image tell nothing
+APART = 20.0  # sigmas between the images of two points: they are at different places
 
 
 def read_network(folder: Path) -> Network:
@@ -54,6 +56,9 @@ def read_network(folder: Path) -> Network:
     xyz, point_sigma = np.hsplit(np.array(list(points.values())).reshape(-1, 6), [3])
     station, point = np.array(list(seen), np.int64).reshape(-1, 2).T
     u, v, sigma = np.array(list(seen.values())).reshape(-1, 3).T
+    _check_held_apart(
+        folder, seen, tuple(names), tuple(stations), np.where((point_sigma == 0).all(axis=1)[:, None], xyz, np.nan)
+    )
     by = np.array(list(stations.values()))[station]
     for name, device in devices.items():
         reach = [float(np.ptp(each[by == name])) if np.any(by == name) else np.inf for each in (u, v)]
@@ -79,6 +84,25 @@ def read_network(folder: Path) -> Network:
         tuple(_distance(bar, names) for bar in fields.objects("lengths", "lengths, entry", [])),
         point_sigma_mm=np.ascontiguousarray(point_sigma) if np.isfinite(point_sigma).any() else None,
     )
+
+
+def _check_held_apart(
+    folder: Path,
+    seen: Mapping[tuple[int, int], tuple[float, float, float]],
+    points: Sequence[str],
+    stations: Sequence[str],
+    held_mm: Array,
+) -> None:
+    """Refuse points held at one place that an image shows at several; `held_mm` (n, 3) is NaN where free."""
+    first: dict[tuple[int, bytes], tuple[int, float, float, float]] = {}
+    for (s, p), (u, v, sigma) in seen.items():
+        if not np.isfinite(held_mm[p]).all():
+            continue
+        other, u0, v0, sigma0 = first.setdefault((s, held_mm[p].tobytes()), (p, u, v, sigma))
+        if (apart := float(np.hypot(u - u0, v - v0))) > APART * float(np.hypot(sigma, sigma0)):
+            both = f"{points[other]!r} and {points[p]!r}"
+            told = f"{both} are held at one place, and seen {apart:.3g} px apart in {stations[s]!r}"
+            raise InputError(folder / "points.csv", told, "correct the coordinates of one of them")
 
 
 def _distance(bar: Fields, names: dict[str, int]) -> NetworkScale:

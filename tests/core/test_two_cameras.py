@@ -409,7 +409,7 @@ def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_pa
     assert main(["export", str(project.path), "--to", "opencv", str(stereo), "--cameras", "left", "right"]) == 0
     words = ["import", str(stereo), "--from", "opencv", str(folder)]
     assert main(words) == 2
-    assert "--cameras several cameras" in capsys.readouterr().err
+    assert "--projector and --cameras name them" in capsys.readouterr().err
     assert main([*words, "--cameras", "left", "top"]) == 2
     capsys.readouterr()
     assert main([*words, "--cameras", "left", "right"]) == 0

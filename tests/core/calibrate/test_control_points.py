@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.calibrate import adjust
-from core.errors import AdjustmentError
+from core.errors import AdjustmentError, InputError
 from core.model import NetworkScale
 from core.pipeline.judge import judge_adjustment
 from core.project import read_network
@@ -62,6 +62,15 @@ def test_new_points_are_intersected_from_control_however_rough_their_places(seed
     sigmas = np.sqrt(np.diagonal(result.point_cov_mm2[new], axis1=1, axis2=2)) / result.sigma0
     assert np.abs((result.points_mm[new] - points[new]) / sigmas).max() < 4.5
     assert np.array_equal(result.points_mm[:5], points[:5])
+
+
+def test_points_held_at_one_place_but_seen_apart_are_refused(tmp_path):
+    """Three of them gave sigma0 696, failed; what is held exactly was never doubted by name."""
+    points = np.random.default_rng(1).uniform(-100, 100, (9, 3))
+    told = points.copy()
+    told[[3, 4]] = told[2]
+    with pytest.raises(InputError, match=r"points.csv.*'P2' and 'P3' are held at one place.*'left'"):
+        network_of(tmp_path, points, told, np.zeros(9), dict.fromkeys(PLACES, range(9)))
 
 
 @pytest.mark.parametrize("seed", range(8))
