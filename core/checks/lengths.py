@@ -136,12 +136,12 @@ def foreign_concerns(seen: Plates) -> list[Concern]:
     """
     off = float(np.median([rms for rms, _, _ in seen.epipolar.values()])) if seen.epipolar else 0.0
     ratio = _plate_board(seen)[0]
-    told, remedy = [], "is it of another rig, or was the rig changed since?"
+    told, remedy = [], "does it belong to another rig, or has the rig been changed since?"
     if off > FOREIGN_LINES:
-        text = f"by the imported calibration camera and projector see targets {off:.2g} lines off each other's rays"
+        text = f"with the imported calibration, camera and projector see targets {off:.2g} lines off each other's rays"
         told.append(Concern("failed", f"{text}: {remedy}"))
     if np.isfinite(ratio) and abs(ratio - 1) > FAILED:
-        text = f"by the imported calibration the board measures {ratio:.3f} times what its file says"
+        text = f"with the imported calibration, the board measures {ratio:.3f} times what its file says"
         told.append(Concern("failed", f"{text}: {remedy}"))
     return told
 
@@ -175,12 +175,14 @@ def _shape(nominal: Array, found: Array, about: str) -> tuple[float, list[Concer
     scale_low, R, shift = similarity(low, found)
     rest = found - scale_low * low @ R.T - shift
     if off > max(TOLERANCE * size, 5 * float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))):
-        text = f"{file}: the board seen is {off:.3g} mm r.m.s. flatter: correct z_mm; is it in µm instead of mm?"
+        text = (
+            f"{file}: the board is seen {off:.3g} mm r.m.s. flatter than that: correct z_mm; is it in µm instead of mm?"
+        )
         return scale_low, [Concern("failed", text, about)]
     if off > OUT_OF_SHAPE * size:
         text = (
             f"{file}: the board seen differs from it by {off:.3g} mm r.m.s.: another board, or its targets are "
-            "numbered otherwise"
+            "numbered differently"
         )
         return scale, [Concern("failed", text, about)]
     return scale, []
@@ -237,7 +239,7 @@ def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
     elif len(off):
         places = ", ".join(f"{name} {at:.2f}" for name, at in zip(plates.names, z + rest / slope, strict=True))
         text = (
-            f"the plates do not stand where z_mm says but, by their targets, at about {places} mm: correct z_mm, see "
+            f"by their targets, the plates stand at about {places} mm, not where z_mm says: correct z_mm, check "
             "that no frames were exchanged, and move the plate without play"
         )
         concerns.append(Concern("failed" if (np.abs(rest) > 3 * limit).any() else "doubtful", text, "plates"))

@@ -38,8 +38,8 @@ def _left_at_zero(adjustment: Adjustment, name: str) -> list[Concern]:
         return []
     names = ", ".join(lens.names[k] for k in left)
     text = (
-        f"{name}: {share:.0%} of the squared residuals are what {names} would explain, which are not estimated (score "
-        "test): estimate them, or give the interior orientation known before"
+        f"{name}: estimating {names} would explain {share:.0%} of the squared residuals (score test): do so, or give "
+        "the interior orientation if it is known"
     )
     return [Concern("failed" if share > AGREEING else "doubtful", text)]
 

@@ -146,7 +146,7 @@ def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:
     if max(ratio, 1 / ratio) > OTHER_SCALE:
         text = (
             f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "
-            f"{found * roughly / size:.4g} mm{unit_hint(ratio, 1 / ratio)}: correct the one, or the coordinates"
+            f"{found * roughly / size:.4g} mm{unit_hint(ratio, 1 / ratio)}: correct the length or the coordinates"
         )
         return [Concern("doubtful", text)]
     return []
@@ -184,7 +184,7 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
         worst = _worst_station(adjustment, name)
         text += f"{worst}; " if worst else ""
         if np.isfinite(adjustment.devices[name].spec.interior_sigma).any():
-            text += "its interior known in project.json may be of another lens or focus; "
+            text += "its interior orientation in project.json may belong to another lens or focus; "
         text += (
             "look for wrong identities or a turned board, a moved device, a board that bends, wrong patterns, frames "
             "that were compressed or denoised, or sigmas set too small"
@@ -205,7 +205,7 @@ def _known_before(name: str, device: AdjustedDevice) -> list[Concern]:
         return []
     text = (
         f"{name}: {lens_of(known).keys[worst]} is {device.interior.vector[worst]:.6g}, known before as "
-        f"{known.vector[worst]:.6g} ± {sigma[worst]:.2g}: that is of another lens or focus, or this "
+        f"{known.vector[worst]:.6g} ± {sigma[worst]:.2g}: it belongs to another lens or focus, or its "
         "sigma is too small"
     )
     return [Concern("failed" if ratio[worst] > FAILED_RATIO * limit else "doubtful", text)]

@@ -109,7 +109,7 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
     beside = []
     if e.elsewhere:
         share = f"{where}: {e.elsewhere} points lie on other surfaces than the plane of the {e.n} others"
-        beside.append(Concern("doubtful", f"{share}: left out; see that they are not of the plane-table"))
+        beside.append(Concern("doubtful", f"{share}: left out; check that they do not belong to the plane-table"))
     if e.predicted_rms_mm is None or not e.predicted_rms_mm > 0:
         return beside
     told = f"{where}: deviations are {e.rms_mm / e.predicted_rms_mm:.3g} times what the noise predicts"

@@ -73,7 +73,7 @@ def volume_of(pair: Pair, depths_mm: Array) -> Volume:
     use = np.all((lines > -0.5) & (lines < [lit.width - 0.5, lit.height - 0.5]), axis=1)
     if np.count_nonzero(use) < 3:
         seen = f"the projector lights nothing that the camera sees {depths_mm[0]:.0f} to {depths_mm[-1]:.0f} mm away"
-        raise InputError("the working volume", seen, "see that camera and projector are those of one rig")
+        raise InputError("the working volume", seen, "check that camera and projector belong to one rig")
     place = np.stack([d, r, c], axis=1)[use]
     return Volume(uv[use], lines[use], xyz[use], place, (len(depths_mm), rows, columns))
 

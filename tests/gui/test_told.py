@@ -124,7 +124,7 @@ def test_every_sentence_has_a_translation(german: None) -> None:
         ),
         (
             "plane+0, photogrammetric: 866 points lie on other surfaces than the plane of the 9000 others: left out; "
-            "see that they are not of the plane-table",
+            "check that they do not belong to the plane-table",
             "plane+0, photogrammetrisch: 866 Punkte liegen auf anderen Flächen als der Ebene der 9000 anderen: "
             "weggelassen; prüfen, dass sie nicht zur Planplatte gehören",
         ),

@@ -36,12 +36,12 @@ def test_distortion_that_is_not_estimated_is_named(k1: float) -> None:
     """k1 of 0.02 moves the corners by 2 px, of which c takes up most: a few sigmas of 0.02 px remain."""
     (text,) = told(k1, seed=1)
     assert text.startswith("cam: ")
-    assert "what A1, A2, A3, A4, A5, A6 would explain" in text
+    assert "estimating A1, A2, A3, A4, A5, A6 would explain" in text
 
 
 def test_estimated_in_part_only_the_others_are_named() -> None:
     (text,) = told(0.02, 1, (*MAIN, "A3", "A4"))
-    assert "what A1, A2, A5, A6 would explain" in text
+    assert "estimating A1, A2, A5, A6 would explain" in text
 
 
 @pytest.mark.parametrize("seed", range(4))

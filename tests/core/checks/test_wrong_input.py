@@ -168,7 +168,7 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
     "bar's sigma in um": (lambda p: replace(p, scale=replace(p.scale, sigma_mm=5.0)), "scale: sigma_mm is 5, .*µm"),
     "board's z in um": (
         lambda p: replace(p, board=uneven(p.board)),
-        r"testfield\.csv: .* flatter: correct z_mm; .*µm",
+        r"testfield\.csv: .* flatter than that: correct z_mm; .*µm",
     ),
     "bar on other targets": (lambda p: replace(p, scale=replace(p.scale, stop=(6, 6))), f"{BAR}.*other targets"),
     "bar on a short pair": (lambda p: replace(p, scale=replace(p.scale, stop=(3, 8))), BAR),
@@ -327,8 +327,8 @@ def test_an_imported_calibration_of_another_rig_is_named(name: str, projects: di
     R, t = own.projector_from_camera.rotation, own.projector_from_camera.translation_mm
     assert told(own.projector_from_camera) == ""
     assert "the board measures 1.100 times" in told(Pose(R, 1.1 * t))
-    assert "is it of another rig" in told(Pose(turn("x", 2) @ R, t))
-    assert "is it of another rig" in told(Pose(turn("y", 3) @ R, t))
+    assert "does it belong to another rig" in told(Pose(turn("x", 2) @ R, t))
+    assert "does it belong to another rig" in told(Pose(turn("y", 3) @ R, t))
 
 
 @pytest.mark.parametrize(
