@@ -16,6 +16,7 @@ proof.py     ... whether that order is the only one
 quality.py   saturation, modulation, movement, the lamp
 stored.py    captures that were recorded before, by whatever program, judged as a whole
 pixels.py    ... how their frames were stored: bytes, compression, mosaics, size
+unchanging.py ... pixels that no frame changes: dead lines, text drawn into frames
 contradictions.py  ... the share of their pixels that no projector line explains
 beside.py    ... phases that stand beside the code or run away from it, or from each other, by a little
 exchanged.py ... frames of a code, or phase steps, that stand in each other's place

@@ -32,6 +32,7 @@ from core.project.images import Image
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 KEPT = (".png", ".tif", ".tiff")  # these are copied byte by byte, if they are grey
 ORDERS = ("name", "list", "content")
+COLOURED = 5  # frames whose channels are looked at
 
 Decoded = Callable[[Sequence[Pattern], Sequence[Image], tuple[int, int]], PhaseMap]
 
@@ -192,7 +193,7 @@ def _read(
         words += prove(patterns, phase, lines, str(files[0].parent))
     _check_twice(files, images, patterns, lines)
     progress(0.7, "verifying")
-    findings = _verified(plan, images, lines, phase)
+    findings = (*_verified(plan, images, lines, phase), *_dead_colours(files))
     for finding in findings:
         named = f" [{', '.join(files[k].name for k in finding.shots)}]" if 0 < len(finding.shots) <= 3 else ""
         disordered = finding.level == "bad" and (finding.check == "order" or "contradicting" in finding.figures)
@@ -356,5 +357,28 @@ def _unlisted(target: Path, project: Project) -> InputError:
 
 def _is_grey(path: Path) -> bool:
     """Whether a file's pixels have one channel."""
-    image = cv2.imdecode(np.frombuffer(regular(path).read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
-    return image is not None and image.ndim == 2
+    return (pixels := _pixels(path)) is not None and pixels.ndim == 2
+
+
+def _pixels(path: Path) -> Image | None:
+    """Read a file's pixels with all their channels."""
+    return cv2.imdecode(np.frombuffer(regular(path).read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def _dead_colours(files: Sequence[Path]) -> list[Finding]:
+    """Say that one colour of some frames never varies while the other two do: light of one colour leaves out two."""
+    if _is_grey(files[0]):
+        return []
+    some = [_pixels(files[k]) for k in np.linspace(0, len(files) - 1, min(len(files), COLOURED)).astype(int)]
+    seen = [p[..., :3].reshape(-1, 3) for p in some if p is not None and p.ndim == 3 and p.shape[2] >= 3]
+    if not seen:
+        return []
+    low, high = np.min([p.min(axis=0) for p in seen], axis=0), np.max([p.max(axis=0) for p in seen], axis=0)
+    if np.count_nonzero(low == high) != 1:
+        return []
+    dead = int(np.argmax(low == high))
+    text = (
+        f"{('blue', 'green', 'red')[dead]} is {low[dead]} in every pixel of the colour frames: this channel of the "
+        "camera is off or lost; record with it, or in grey"
+    )
+    return [Finding("colour", "warning", text)]

@@ -22,6 +22,7 @@ from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained
 from core.capture.pixels import GRID, IRRATIONAL, LEAST_LIT, bytes_exchanged, compressed, enlarged, mosaic, scattered
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
+from core.capture.unchanging import unchanging
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
 from core.numerics import median_of, quantile_of, quantiles, ranked
@@ -56,6 +57,7 @@ def check_stored(
     """
     if len({(f.camera, f.projector) for f in capture.frames}) > 1:
         return []  # frames of several devices are no one sequence
+    patterns = [frame.pattern for frame in capture.frames]
     if told := [*bytes_exchanged(images), *enlarged(images)]:
         return told
     exposures = sorted({f.exposure_ms for f in capture.frames if f.exposure_ms is not None})
@@ -83,7 +85,6 @@ def check_stored(
         found += _halves(plan, images)
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
-        patterns = [f.pattern for f in capture.frames]
         maps: list[tuple[Axis, NDArray, str]] = [("x", phase.u, "columns"), ("y", phase.v, "rows")]
         if jumping := exchanged_frames(patterns, maps):
             found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
@@ -92,7 +93,7 @@ def check_stored(
         if not jumping and not bad:
             own = [k for k, f in enumerate(capture.frames) if f.exposure_ms == (exposures[0] if exposures else None)]
             found += beside_code([patterns[k] for k in own], [images[k] for k in own], maps, lines)
-    return [*found, *compressed(capture, images), *mosaic(capture, images)]
+    return [*found, *compressed(capture, images), *mosaic(capture, images), *unchanging(patterns, images)]
 
 
 def _mislabelled(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:

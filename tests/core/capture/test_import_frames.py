@@ -123,6 +123,22 @@ def test_a_list_names_the_frames(project: Path, tmp_path: Path) -> None:
     assert len(report.files) == len(patterns)
 
 
+@pytest.mark.parametrize(("dead", "told"), [((2,), "red is 0 in every pixel"), ((), ""), ((0, 1), "")])
+def test_a_dead_colour_is_told(project: Path, tmp_path: Path, dead: tuple[int, ...], told: str) -> None:
+    """One of three; where two are dead, the light may be of the third's colour."""
+    take(tmp_path / "in", "gray-sine")
+    for path in (tmp_path / "in").iterdir():
+        colours = cv2.cvtColor(cv2.imread(str(path), -1), cv2.COLOR_GRAY2BGR)
+        colours[..., dead] = 0
+        cv2.imwrite(str(path), colours)
+    spec = parse_sequence("gray-sine")
+    report = import_frames(read_project(project), tmp_path / "in", Subject("object", "a"), sequence=spec)
+    assert [words for words in report.words if "every pixel of the colour frames" in words] == [
+        words for words in report.words if told and words.startswith(told)
+    ]
+    assert bool(told) == any(f.check == "colour" for f in report.findings)
+
+
 def spoil_count(folder: Path) -> str:
     (folder / "img3.png").unlink()
     return "holds 15 images, the sequence has 16 patterns"
