@@ -151,9 +151,8 @@ def decode(
     if has_words(patterns, "x") or has_words(patterns, "y"):
 
         def others(some: list[int]) -> PhaseMap:
-            return decode(
-                [patterns[i] for i in some], [arrays[i] for i in some], lines=lines, options=options, where=where
-            )
+            shown, seen = [patterns[i] for i in some], [arrays[i] for i in some]
+            return decode(shown, seen, lines=lines, options=options, where=where, progress=progress.quiet())
 
         return decode_words(patterns, arrays, lines, options, where, progress, others)
     progress(0.0, "reading the noise")

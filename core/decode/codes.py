@@ -2,6 +2,8 @@
 
 The bits alone tell a cell. Blurred, or seen by pixels that straddle them, the stripes of all widths are words whose
 grey values change steadily from line to line: what looks up such words (likelihood.py) tells parts of a line by them.
+How far their model fails - a camera's gamma, lines so sharp that pixels see one alone - shows in coordinates that are
+rougher than their sigmas, which then hold it.
 """
 
 from __future__ import annotations
@@ -12,9 +14,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.agreement import widen
 from core.decode.book import FEWEST
+from core.decode.compressed import APART, roughness
 from core.decode.frames import Image
 from core.decode.likelihood import decode_words
+from core.decode.mixed import doubt_mixtures
 from core.decode.options import DecodeOptions, Flag
 from core.decode.tables import CODE, AxisTable, Singles
 from core.model import PhaseMap
@@ -46,13 +51,16 @@ def refine_codes(
 ) -> PhaseMap:
     """Put coordinates along the axes of `lines`, which codes alone tell, where all frames fit best.
 
-    `lines` gives the projector's number of lines along each. Where no word fits, or it contradicts the bits, a
-    coordinate stays as it is; where the bits left a pixel open, it is that of the word.
+    `lines` gives the projector's number of lines along each. Where no word fits, or it contradicts the bits, or is no
+    surer, a coordinate stays as it is; where the bits left a pixel open, it is that of the word.
     """
     some = [n for n, pattern in enumerate(patterns) if (axis_of(pattern) or next(iter(lines))) in lines]
     shown = [_word(patterns[n], lines) for n in some]
     extent = lines.get("x", 1), lines.get("y", 1)
     found = decode_words(shown, [images[n] for n in some], extent, options, where, progress, lambda _: phase)
+    for place, sigma in ((found.u, found.sigma_u), (found.v, found.sigma_v)):
+        doubt_mixtures(place, sigma)
+        widen(sigma, np.maximum(*(roughness(place, sigma, apart) for apart in (1, APART))))
     u, v, flags = phase.u, phase.v, phase.flags
     sigma_u, sigma_v = phase.sigma_u, phase.sigma_v
     if "x" in lines:
@@ -74,8 +82,8 @@ def _word(pattern: Pattern, lines: dict[Axis, int]) -> Pattern:
 def _taken(
     place: Singles, sigma: Singles, other: Singles, its: Singles, flags: NDArray[np.uint8], lack: Flag
 ) -> tuple[Singles, Singles, NDArray[np.uint8]]:
-    """Take the other coordinates where there are any that the bits do not contradict."""
-    against = np.abs(other - place) > AGREED * np.maximum(sigma, its)  # False where either is NaN
-    better = np.isfinite(other) & ~against
+    """Take the other coordinates where there are any, surer than the bits and not contradicted by them."""
+    worse = (np.abs(other - place) > AGREED * np.maximum(sigma, its)) | (its >= sigma)  # False where either is NaN
+    better = np.isfinite(other) & ~worse
     flags = np.where(better, flags & np.uint8(255 - lack), flags)
     return np.where(better, other, place), np.where(better, its, sigma), flags

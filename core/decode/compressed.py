@@ -21,18 +21,18 @@ COMPRESSED = (
 )
 
 
-def roughness(place: Singles, sigma: Singles) -> Singles:
-    """By what variance (lines²) coordinates (H, W) are rougher than their sigmas, in tiles of the image.
+def roughness(place: Singles, sigma: Singles, apart: int = APART) -> Singles:
+    """By what variance (lines²) coordinates (H, W) so many pixels apart are rougher than their sigmas, in tiles.
 
     Across the stripes, along which blocks err alike; and no more than in most tiles beside, as surfaces, too, bend.
     """
     some = place[::EVERY, ::EVERY]
     if median_of(np.abs(np.diff(some, axis=0))) > median_of(np.abs(np.diff(some, axis=1))):
-        return np.ascontiguousarray(roughness(place.T, sigma.T).T)
+        return np.ascontiguousarray(roughness(place.T, sigma.T, apart).T)
     place, square = place[::EVERY], np.square(sigma[::EVERY])
     bend, expected = np.full((2, *place.shape), np.nan, np.float32)
-    count = place.shape[1] - 4 * APART
-    parts = [slice(k * APART, k * APART + count) for k in range(len(FOURTH))]
+    count = place.shape[1] - 4 * apart
+    parts = [slice(k * apart, k * apart + count) for k in range(len(FOURTH))]
     if count > 0:
         bend[:, parts[2]] = sum(factor * place[:, part] for factor, part in zip(FOURTH, parts, strict=True))
         expected[:, parts[2]] = sum(factor**2 * square[:, part] for factor, part in zip(FOURTH, parts, strict=True))

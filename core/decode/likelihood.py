@@ -38,6 +38,7 @@ TOLD, ORDERS, SURELY = 1500, 8, 4.0  # pixels whose residuals are looked up, als
 NEIGHBOURS = 7  # px: of those around, the median predicts
 ALIKE = 3.0  # lines by which neighbours' places differ that agree with each other
 NEAR = 1.0  # times the blur, at least a line: so far a place may move while it is adjusted
+SHARP = 0.26  # of its cell: with less blur, the narrowest for one line, a pixel may see one line alone
 RIM = 0.5  # lines: so near the field's edge its fading light is taken for a place on it
 
 F = np.float32
@@ -216,7 +217,8 @@ def _decode_axis(book: Book, images: Sequence[Image], options: DecodeOptions, pr
     sigma *= np.sqrt(beyond)
     inside = (place >= RIM) & (place <= book.lines - 1 - RIM)
     cell = book.cells[np.clip(np.rint(np.nan_to_num(place)), 0, book.lines - 1).astype(int)]
-    sigma = np.where(cell > 1, np.maximum(sigma, cell / F(np.sqrt(12))), sigma)  # its middle looks the same everywhere
+    alike = BLURS[pixels.shown.blur] < SHARP * cell  # its middle looks the same everywhere
+    sigma = np.where(alike, np.maximum(sigma, cell / F(np.sqrt(12))), sigma)
     stack = [images[n] for n in book.frames]
     flags = np.zeros(place.shape, np.uint8)
     for wrong, flag in (

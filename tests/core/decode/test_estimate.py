@@ -15,6 +15,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
 from core.decode import DecodeOptions, Flag, decode
+from core.errors import Cancelled
 from core.model import PhaseMap
 from core.patterns import (
     Black,
@@ -27,6 +28,7 @@ from core.patterns import (
     reference_sequence,
 )
 from core.pipeline import decode_capture
+from core.progress import Progress
 from tests.core.decode.conftest import Bench
 
 N = 640
@@ -268,3 +270,29 @@ def test_a_code_whose_words_repeat_stays_as_it_is() -> None:
     plain, refined = (decode(patterns, images, lines=(256, 1), options=o) for o in (DecodeOptions(), REFINED))
     assert np.array_equal(plain.u, refined.u, equal_nan=True)
     assert np.array_equal(plain.sigma_u, refined.sigma_u, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("blur", "gamma", "cell", "better"),
+    [(0.1, 1.0, 1, 1.0), (1.0, 2.2, 1, 1.2), (1.0, 0.45, 1, 1.0), (1.0, 1.0, 2, 6.0)],
+)
+def test_sigmas_of_a_code_alone_hold_what_its_words_do_not(blur: float, gamma: float, cell: int, better: float) -> None:
+    """Lines that a pixel sees one by one, and a camera's gamma: errors of 2 to 6 sigma; cells of two lines: 0.2."""
+    patterns = [*gray_and_phase("x", 256, cell=cell, periods=[]), White(), Black()]
+    y, x = np.mgrid[:240, :320]
+    u = 20 + 0.6 * x + 0.05 * y + 2 * np.sin(x / 15)
+    seen = Bench(u, lines=(256, 1), blur=blur, gain=200, bits=12).take(patterns)
+    images = [np.rint(255 * (image / 255.0) ** gamma).astype(np.uint8) for image in seen]
+    plain, refined = (decode(patterns, images, lines=(256, 1), options=o) for o in (DecodeOptions(), REFINED))
+    error = refined.u - u
+    assert rms(error) <= rms(plain.u - u) / better
+    assert np.all(refined.sigma_u <= plain.sigma_u)
+    assert 0.65 < rms(error / refined.sigma_u) < 1.2
+    assert np.mean(np.abs(error) > 5 * refined.sigma_u) < 1e-3
+
+
+def test_decoding_the_axis_beside_words_is_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    patterns = [*gray_and_phase("x", 16, cell=4, periods=[8]), *parse_sequence("dense:axes=y").patterns((16, 16))]
+    monkeypatch.setattr("core.decode.absolute._measure", lambda *_: pytest.fail("went on"))
+    with pytest.raises(Cancelled):
+        decode(patterns, [np.zeros((4, 4), np.uint8)] * len(patterns), progress=Progress(cancelled=lambda: True))
