@@ -15,7 +15,7 @@ A chapter that lists the captures; it comes last, and is left out of reports tha
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 from core.lazy import dataclass
@@ -71,7 +71,9 @@ def _adjustment_drawings(data: ReportData) -> list[Drawing]:
         from core.report.figures.rig import volume_drawing
 
         figures, maps = data.volume
-        found.append(volume_drawing(figures["depths"], maps["form_sigma_mm"]))
+        drawing = volume_drawing(figures["depths"], maps["form_sigma_mm"])
+        of = " Of {camera} with {projector}.".format(**figures) if "camera" in figures else ""
+        found.append(replace(drawing, caption=drawing.caption + of))
     return found
 
 

@@ -251,9 +251,14 @@ def response_table(projector: str, curves: Mapping[str, Array]) -> Table:
     return Table(f"Response of {projector}", columns, tuple(rows), (note,))
 
 
+def _rule(evaluation: PlaneEvaluation) -> str:
+    """Why pixels were excluded, without their number where there is one reason: that stands in the table."""
+    return evaluation.excluded_rule.removeprefix(f"{evaluation.excluded} ")
+
+
 def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published | None) -> Table:
     """Table 3: deviations from the fitted plane, one row per capture and method."""
-    rules = list(dict.fromkeys(e.excluded_rule for e in evaluations if e.excluded))
+    rules = list(dict.fromkeys(_rule(e) for e in evaluations if e.excluded))
     marks = {rule: chr(ord("a") + i) if i < 26 else str(i + 1) for i, rule in enumerate(rules)}
 
     several = len({e.devices for e in evaluations}) > 1
@@ -265,7 +270,7 @@ def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published |
             _known(e.angle_deg, "g"),
             e.method,
             _count(e.n),
-            Number(e.excluded, "d", marks[e.excluded_rule] if e.excluded else ""),
+            Number(e.excluded, "d", marks[_rule(e)] if e.excluded else ""),
             Number(e.rms_mm, ".4f"),
             Number(e.max_mm, ".3f"),
             Number(e.min_mm, ".3f"),

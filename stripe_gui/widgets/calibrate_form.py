@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from PySide6.QtCore import Signal
@@ -10,11 +11,10 @@ from PySide6.QtWidgets import QBoxLayout, QCheckBox, QGridLayout, QLabel, QVBoxL
 from core.geometry import LENSES
 from core.pipeline import METHODS, CalibrateOptions
 from core.pipeline.options import DEVICES
+from stripe_gui.presenters.status import device_name
 from stripe_gui.presenters.told import told
 from stripe_gui.presenters.work import CalibrateChoice, chosen_methods
-from stripe_gui.widgets.layout import boxed, choice, column, label, real, row
-
-NAMES = LENSES["A1..A6"].names
+from stripe_gui.widgets.layout import boxed, choice, column, emptied, label, real, row
 
 
 class CalibrateForm(QWidget):
@@ -26,6 +26,8 @@ class CalibrateForm(QWidget):
         super().__init__()
         self._base = CalibrateOptions()
         self._consequences: dict[QWidget, QLabel] = {}
+        self.parameters: dict[str, QCheckBox] = {}  # by names such as "camera.A3"; ticked: estimated
+        self._devices: dict[str, tuple[str, ...]] = {}
         self._make_fields()
         methods = self._block(self.tr("Method"), self.method)
         network = [self._block("", self.rigid), self._block("", self.reject, self.limit), self._parameters()]
@@ -39,7 +41,27 @@ class CalibrateForm(QWidget):
         layout = column(methods, self._halves, None, spacing=14)
         layout.insertSpacing(1, 4)
         self.setLayout(layout)
+        self.show_devices(dict.fromkeys(DEVICES, LENSES["A1..A6"].names))
         self.set_choice(CalibrateChoice())
+
+    def show_devices(self, devices: Mapping[str, tuple[str, ...]]) -> None:
+        """Offer the parameters of these devices, all of them to be estimated."""
+        if devices == self._devices:
+            return
+        self._devices = dict(devices)
+        emptied(self._grid)
+        self.parameters = {f"{device}.{name}": QCheckBox(name) for device, names in devices.items() for name in names}
+        for i, (device, names) in enumerate(devices.items()):
+            self._grid.addWidget(label(device_name(device), "muted"), i, 0)
+            for j, name in enumerate(names):
+                box = self.parameters[f"{device}.{name}"]
+                box.setChecked(True)
+                box.toggled.connect(self._change)
+                text = self.tr("{device}: estimate {name}")
+                box.setAccessibleName(text.format(name=name, device=device_name(device)))
+                self._grid.addWidget(box, i, j + 1)
+        self._grid.setColumnStretch(max(map(len, devices.values())) + 1, 1)
+        self._change()
 
     def set_narrow(self, narrow: bool) -> None:
         """Put what belongs to the two methods below each other, or side by side."""
@@ -52,14 +74,11 @@ class CalibrateForm(QWidget):
         self.rigid = QCheckBox(self.tr("Camera and projector rigidly joined"))
         self.reject = QCheckBox(self.tr("Reject gross errors beyond"))
         self.limit = real(self.tr("Limit of gross errors"), 3.0, 99.0, 1, self._change, " σ", step=0.5)
-        self.parameters = {
-            f"{device}.{name}": QCheckBox(name) for device in DEVICES for name in NAMES
-        }  # ticked: estimated
         degrees = [(self.tr("polynomial of degree {n}").format(n=degree), degree) for degree in (1, 2, 3, 4, 5)]
         self.degree = choice("", self._change, *degrees, (self.tr("table, linear between plates"), None))
         self.low_pass = real("", 0.0, 20.0, 2, self._change, " px", step=0.5)
         self.low_pass.setSpecialValueText(self.tr("none"))
-        for box in (self.rigid, self.reject, *self.parameters.values()):
+        for box in (self.rigid, self.reject):
             box.toggled.connect(self._change)
 
     def _block(self, name: str, widget: QWidget, *beside: QWidget) -> QVBoxLayout:
@@ -71,21 +90,12 @@ class CalibrateForm(QWidget):
         return column(*([label(name)] if name else []), field, text, spacing=5)
 
     def _parameters(self) -> QVBoxLayout:
-        grid = QGridLayout()
-        grid.setContentsMargins(0, 0, 0, 0)
-        grid.setHorizontalSpacing(10)
-        grid.setVerticalSpacing(2)
-        words = {"camera": self.tr("Camera"), "projector": self.tr("Projector")}
-        for i, device in enumerate(DEVICES):
-            grid.addWidget(label(words[device], "muted"), i, 0)
-            for j, name in enumerate(NAMES):
-                box = self.parameters[f"{device}.{name}"]
-                text = self.tr("{device}: estimate {name}")
-                box.setAccessibleName(text.format(name=name, device=words[device]))
-                grid.addWidget(box, i, j + 1)
-        grid.setColumnStretch(len(NAMES) + 1, 1)
+        self._grid = QGridLayout()
+        self._grid.setContentsMargins(0, 0, 0, 0)
+        self._grid.setHorizontalSpacing(10)
+        self._grid.setVerticalSpacing(2)
         self._held = _small()
-        return column(label(self.tr("Parameters to estimate")), boxed(grid), self._held, spacing=5)
+        return column(label(self.tr("Parameters to estimate")), boxed(self._grid), self._held, spacing=5)
 
     # ---------------------------------------------------------------------------------------------------------- choices
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import ceil
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtWidgets import QTabWidget, QWidget
+from PySide6.QtWidgets import QGridLayout, QTabWidget, QWidget
 
 from core.report.adjusted import Coverage, correlations, coverage, point_sigmas
 from stripe_gui import theme
@@ -23,6 +24,8 @@ from stripe_gui.widgets.result_table import ResultTable
 from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
 
+ABREAST = 3  # maps that have room side by side
+
 
 class CoverageView(QWidget):
     """One map of counts per device, side by side."""
@@ -30,7 +33,8 @@ class CoverageView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.maps: list[ImageView] = []
-        self._maps = row(spacing=16)
+        self._maps = QGridLayout()
+        self._maps.setSpacing(16)
         note = self.tr(
             "Points of all stations per cell of the image. Where there are none the additional parameters are "
             "extrapolated: fill edges and corners."
@@ -40,7 +44,8 @@ class CoverageView(QWidget):
     def show_coverage(self, devices: tuple[Coverage, ...]) -> None:
         emptied(self._maps)
         self.maps = []
-        for device in devices:
+        across = ceil(len(devices) / ceil(len(devices) / ABREAST)) if devices else 1  # rows of about equal length
+        for k, device in enumerate(devices):
             view = ImageView(self.tr("Coverage of {name}").format(name=device_name(device.name)))
             self._fill(view, device)
             self.maps.append(view)
@@ -48,7 +53,8 @@ class CoverageView(QWidget):
             said = text.format(n=len(device.uv), h=device.hull_share, c=device.filled)
             words = label(said, "muted", wrap=True)
             view.canvas.setAccessibleDescription(said)
-            self._maps.addWidget(boxed(column(label(device_name(device.name), "heading"), view, words, spacing=6)), 1)
+            whole = boxed(column(label(device_name(device.name), "heading"), view, words, spacing=6))
+            self._maps.addWidget(whole, k // across, k % across)
 
     def _fill(self, view: ImageView, device: Coverage) -> None:
         image = device.map().astype(np.float32)

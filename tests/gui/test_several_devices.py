@@ -12,6 +12,7 @@ import pytest
 from core.capture.plan import make_plan
 from core.errors import InputError
 from core.model import Subject
+from core.pipeline.options import check_options
 from core.pipeline.sequences import import_into
 from core.project import read_capture, read_image, read_project, write_image
 from stripe_gui.pages.page import PairChoice
@@ -120,3 +121,19 @@ def test_frames_are_imported_for_a_camera_by_name(pair_project: Path, recorded: 
     named = make_plan(project, Subject("object", "x")).devices
     assert named == {"camera": "left"}  # a capture says whose frames it has
     assert look_at(None, Shown((64, 64))).patterns == ()
+
+
+def test_parameters_of_every_device_can_be_held(pair_project: Path, window, qtbot) -> None:
+    """The page offered those of "camera", which is no device of such a rig: calibrating refused what was unticked."""
+    document = json.loads((pair_project / "project.json").read_text())
+    document["projector"] = {key: document["projector"][key] for key in ("width", "height")}
+    (pair_project / "project.json").write_text(json.dumps(document))
+    assert window.open_path(pair_project)
+    window.show_page("calibrate")
+    idle(window, qtbot)
+    form = window.page.form
+    assert {name.partition(".")[0] for name in form.parameters} == {"left", "right"}  # the projector only labels
+    form.parameters["right.A3"].setChecked(False)
+    options = window.page.choice().options
+    assert options.hold == ("right.A3",)
+    check_options(read_project(pair_project), options)

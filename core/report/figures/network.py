@@ -21,6 +21,7 @@ from core.report.figures.canvas import (
     shortened,
 )
 
+LEGEND = 4  # entries side by side
 MARKERS = ("o", "s", "^", "D", "v", "P")
 STRONG = 0.7  # a correlation from here on is written into its cell
 
@@ -49,7 +50,9 @@ def _network(adjustment: Adjustment) -> Drawing:
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.08 * max(float((high - low).max()), 1.0)
     low, high = low - margin, high + margin
-    figure = new_figure(float(np.clip(3.5 * (high - low)[1:].max() / (high - low)[0] + 1.0, 2.6, 7.0)))
+    rows = -(-(len(adjustment.devices) + 1) // LEGEND)
+    height = 3.5 * (high - low)[1:].max() / (high - low)[0] + 0.8 + 0.2 * rows
+    figure = new_figure(float(np.clip(height, 2.6, 7.0)))
     axes = figure.subplots(1, 2)
     views = ((0, 1, "from above (along Z)"), (0, 2, "from the side (along Y)"))
     for panel, (i, j, title) in zip(axes, views, strict=True):
@@ -58,7 +61,7 @@ def _network(adjustment: Adjustment) -> Drawing:
         panel.set(xlabel=f"{'XYZ'[i]} in mm", ylabel=f"{'XYZ'[j]} in mm")
         panel.set_title(title, loc="left")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    figure.legend(handles, labels, loc="outside upper center", ncols=LEGEND)
     caption = (
         "Projection centres of all stations, the object points and, as a stroke from each centre, where the device "
         "looks. A strong network has centres on all sides of the field, so that rays cross at large angles; centres in "

@@ -11,6 +11,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QWidget
 
 from core.errors import StripeError
+from core.geometry import lens_of
 from core.model import Method
 from core.pipeline import METHODS, calibrate_project
 from stripe_gui.pages.calibrate.captures import CaptureChoice
@@ -97,6 +98,8 @@ class CalibratePage(PartsPage):
         if folder.path != self._project:
             self._project, self._excluded = folder.path, []
             choice = choice_of(folder)
+            devices = folder.project.rig.devices.items()
+            self.form.show_devices({name: lens_of(spec).names for name, spec in devices if not spec.labels_only})
             self.form.set_choice(choice)
             self.captures.show_captures(())
             self.captures.set_without(choice.options.without)

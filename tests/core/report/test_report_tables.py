@@ -211,3 +211,13 @@ def test_terminal_tables_hold_every_cell(data):
         text = text_table(table)
         assert all(cell_text(cell) in text for row in table.rows for cell in row)
         assert all(note in text for note in table.notes)
+
+
+def test_one_reason_has_one_note_whatever_the_numbers(data, evaluations):
+    """Of 27 rows by several devices there were 13 notes that differed by their numbers, which the rows have."""
+    pairs = zip(evaluations, (3, 5, 3, 0), strict=True)
+    some = tuple(dataclasses.replace(e, excluded=n, excluded_rule=f"{n} not decoded" if n else "") for e, n in pairs)
+    table = tables(dataclasses.replace(data, evaluations=some))[-1]
+    at = table.columns.index("excluded")
+    assert sorted(cell_text(row[at]) for row in table.rows) == ["0", "3 (a)", "3 (a)", "5 (a)"]
+    assert [note for note in table.notes if "excluded" in note] == ["(a) excluded: not decoded"]
