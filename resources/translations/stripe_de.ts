@@ -380,14 +380,6 @@
         <translation>keine</translation>
     </message>
     <message>
-        <source>Camera</source>
-        <translation>Kamera</translation>
-    </message>
-    <message>
-        <source>Projector</source>
-        <translation>Projektor</translation>
-    </message>
-    <message>
         <source>{device}: estimate {name}</source>
         <translation>{device}: {name} schätzen</translation>
     </message>
