@@ -91,7 +91,7 @@ def _summary(document: Document) -> list[Flowable]:
             told = tuple(f"{text[:1].upper()}{text[1:]}." for text in verdict.because)
             style = ParagraphStyle("verdict", _HEADING, textColor=VERDICTS[verdict.state])
             story += [_text(f"{name[:1].upper()}{name[1:]}: {verdict.state}", style), _bullets(told)]
-    if sound := [name for name, verdict in document.summary.verdicts if verdict.state == "passed"]:
+    if sound := document.summary.passed:
         style = ParagraphStyle("sound", _BODY, textColor=VERDICTS["passed"])
         story.append(_text(f"Passed: {'; '.join(sound)}.", style))
     if document.summary.findings:

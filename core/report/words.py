@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from core.lazy import dataclass
@@ -30,6 +32,7 @@ class Summary:
     findings: tuple[str, ...]
     warnings: tuple[str, ...]
     missing: tuple[str, ...]
+    passed: tuple[str, ...]  # what passed, a plane of several rows once if all of them did
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,24 @@ def summary(data: ReportData) -> Summary:
         findings.insert(0, sign_off_sentence(data.sign_off, data.evaluations))
     warnings = tuple(f"{source[0].upper()}{source[1:]}: {text}" for source, text in warnings_of(data))
     outdated = tuple(f"Made from something else than the project holds now: {text}" for text in data.outdated)
-    return Summary(tuple(verdicts_of(data)), tuple(findings), (*outdated, *warnings), tuple(_missing(data)))
+    return Summary(
+        tuple(verdicts_of(data)), tuple(findings), (*outdated, *warnings), tuple(_missing(data)), _passed(data)
+    )
+
+
+def _passed(data: ReportData) -> tuple[str, ...]:
+    own = verdicts_of(replace(data, evaluations=()))
+    found = [name for name, verdict in own if verdict.state == "passed"]
+    planes: dict[tuple[str, Method], list[PlaneEvaluation]] = {}
+    for e in data.evaluations:
+        planes.setdefault((e.capture, e.method), []).append(e)
+    for (capture, method), rows in planes.items():
+        good = [e for e in rows if e.verdict is not None and e.verdict.state == "passed"]
+        if len(good) == len(rows) > 1:
+            found.append(f"{capture}, all {len(rows)} rows of Table 3, {method}")
+        else:
+            found += [f"{plane_name(e, data.evaluations)}, {e.method}" for e in good]
+    return tuple(found)
 
 
 def _adjustment_findings(data: ReportData) -> list[str]:

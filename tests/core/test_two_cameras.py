@@ -134,6 +134,8 @@ def test_reports_say_whose_planes_they_tell_of(project: Project, plain_reports: 
     planes = [name for name, _ in whole.summary.verdicts if name.startswith("plane")]
     assert len(planes) == len(set(planes)) == 8
     assert "plane+15, right and all devices, photogrammetric" in planes
+    rows = (f"plane+{angle}, all 4 rows of Table 3, photogrammetric" for angle in ("00", "15"))
+    assert whole.summary.passed == ("photogrammetric calibration", *rows)
     assert any("from the fitted plane over 2 positions" in text for text in whole.summary.findings)
     keys = {drawing.key.partition("-")[0] + drawing.caption.rpartition(" Of")[2] for drawing in plane_drawings(data)}
     assert keys == {"deviations left.", "deviations right.", "histograms left.", "histograms right."}
