@@ -39,7 +39,8 @@ class CoverageView(QWidget):
             "Points of all stations per cell of the image. Where there are none the additional parameters are "
             "extrapolated: fill edges and corners."
         )
-        self.setLayout(column((self._maps, 1), label(note, "muted", wrap=True), spacing=8, margins=(0, 12, 0, 0)))
+        maps = scrolled(boxed(self._maps), across=False)  # low windows have room for one row
+        self.setLayout(column((maps, 1), label(note, "muted", wrap=True), spacing=8, margins=(0, 12, 0, 0)))
 
     def show_coverage(self, devices: tuple[Coverage, ...]) -> None:
         emptied(self._maps)
@@ -52,6 +53,7 @@ class CoverageView(QWidget):
             text = self.tr("{n} points; hull {h:.0%} of the image; {c:.0%} of the cells hold points")
             said = text.format(n=len(device.uv), h=device.hull_share, c=device.filled)
             words = label(said, "muted", wrap=True)
+            words.setMinimumHeight(2 * words.fontMetrics().lineSpacing())
             view.canvas.setAccessibleDescription(said)
             whole = boxed(column(label(device_name(device.name), "heading"), view, words, spacing=6))
             self._maps.addWidget(whole, k // across, k % across)
