@@ -44,6 +44,7 @@ USUAL = 0.6  # part of the usual contrast that a code alone must have
 RESOLVED = 0.15  # part of the whole contrast that a fine bit must have in the mean for its sign to tell anything
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
 AROUND = 0.03  # part of the pixels to either side of the median that tell the middle between on and off
+FEW_CELLS = 7  # of a code, as many as alike would be seen as often: of fewer the finest bit may be on in more than half
 OFF, FARTHEST = 0.1, 0.7  # of half the contrast: nearer to the middle a threshold stays; farther is black or white
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
@@ -326,7 +327,11 @@ def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < FEWEST:
         return table
-    level = (bits[-1] + table.sign[-1] * threshold)[lit] / contrast[lit]
+    levels = np.stack(bits)[:, lit] + table.sign[:, None] * threshold[lit]
+    level = levels[-1] / contrast[lit]
+    cells = np.unique(2.0 ** np.arange(len(levels)) @ (levels > 0), return_counts=True)[1]
+    if np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2):
+        return table
     # of sharp stripes the median may be anywhere between the levels
     middle = -table.sign[-1] * float(np.mean(np.quantile(level, (0.5 - AROUND, 0.5 + AROUND))))
     if not OFF <= abs(middle) <= FARTHEST:
