@@ -221,7 +221,8 @@ def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Findin
         if grey.shape[1] < LEAST_LIT or abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
             continue  # less than a period is seen
         pairs = [(i, k, 1 - np.cos(shifts[i] - shifts[k])) for i, k in combinations(range(len(own)), 2)]
-        pairs = [pair for pair in pairs if pair[2] > FAR]
+        if not (pairs := [pair for pair in pairs if pair[2] > FAR]):
+            continue
         squares = [float(np.mean((grey[i] - grey[k]) ** 2)) for i, k, _ in pairs]
         ratios = [square / meant for square, (*_, meant) in zip(squares, pairs, strict=True)]
         at_least = int(np.argmin(ratios))

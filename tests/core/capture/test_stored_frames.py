@@ -352,6 +352,12 @@ def test_a_step_that_was_recorded_twice_is_named_though_its_noise_is_another(
         assert told(patterns, again).startswith(f"frames {k - 1} and {k} show the same stripes")
 
 
+def test_steps_that_are_all_nearly_the_same_are_no_doubled_ones() -> None:
+    patterns: list[Pattern] = [*gray_and_phase("x", 160, cell=8, periods=[16]), White(), Black()]
+    near = [replace(p, shift_rad=p.shift_rad / 25) if isinstance(p, Phase) else p for p in patterns]
+    assert "show the same stripes" not in told(near, render(near, 3))
+
+
 @pytest.mark.parametrize("factor", [1.0, 1.002, 0.998])
 def test_lines_that_beat_with_the_pixels_looked_at_are_no_other_period(factor: float) -> None:
     """Every sixth pixel sees the same place of a cell, and slowly another: the phase drifts, within the cell."""
