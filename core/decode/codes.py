@@ -31,12 +31,19 @@ AGREED = 3.0  # standard deviations of what the bits tell, by which a place in t
 
 
 def codes_alone(tables: tuple[AxisTable, AxisTable]) -> dict[Axis, int]:
-    """Axes that a code alone tells, finely and by enough frames to tell more by them, and their numbers of lines."""
+    """Axes that a Gray code alone tells, finely and by enough frames to tell more by them, and their numbers of lines.
+
+    Not binary code: its edges lie together, so that blurred stripes tell little between them.
+    """
     axes: tuple[Axis, Axis] = ("x", "y")
     return {
         axis: int(table.lines)
         for axis, table in zip(axes, tables, strict=True)
-        if table.start == CODE and not len(table.period) and table.cell <= WIDEST and len(table.sign) >= FEWEST - 1
+        if table.start == CODE
+        and table.gray
+        and not len(table.period)
+        and table.cell <= WIDEST
+        and len(table.sign) >= FEWEST - 1
     }
 
 

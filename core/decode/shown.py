@@ -26,6 +26,8 @@ COARSE = 3  # so manieth is tried first, then each around the best
 SAMPLE = 6000  # pixels that tell blur and noise
 TILES = 6, 8  # of the image, each with its blur
 NEXT, ASIDE = 3, ((0, 0), (1, 0), (0, 1))  # px: nearer, noise may be alike, too; itself, down and across
+HALVES = 0.15, 0.15, 0.07, 0.03  # of the contrast: steps to what a camera's gamma makes of half the light
+CLEARLY = 0.8  # times the squares that are left without
 ROUNDS = 4  # of what flickers
 HOLD, LARGEST = 1e-4, 0.3  # part of the contrast's squares; of a round's change
 BENDS, FEW = 4, 2000  # rounds of bending, and pixels of the sample that tell it
@@ -62,18 +64,32 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
     grey, at = np.ascontiguousarray(grey[:, lit]), at[:, lit]
     n = len(lit)
     unit = F(1), F(0), F(1)
-    costs = {}
+    costs: dict[int, Singles] = {}
 
-    def trial(numbers: list[int]) -> None:
+    def trial(book: Book, numbers: Sequence[int]) -> None:
         found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
         for number in numbers:
             blurs, costs[number] = np.full(n, number), np.empty(n, F)
             adjust(grey, book.fine, blurs, book.places(found.best), unit, steady, np.empty((4, n), F), costs[number])
 
+    def about(book: Book, centre: int) -> int:
+        trial(book, range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1)))
+        return best()
+
+    def best() -> int:
+        return min(costs, key=lambda number: float(np.median(costs[number])))
+
     for first in range(0, len(BLURS), 4 * COARSE):
-        trial(list(range(first, min(first + 4 * COARSE, len(BLURS)), COARSE)))
-    centre = min(costs, key=lambda number: float(np.median(costs[number])))
-    trial([i for i in range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1)) if i not in costs])
+        trial(book, range(first, min(first + 4 * COARSE, len(BLURS)), COARSE))
+    centre = about(book, best())
+    plain, half, squares = book, 0.5, CLEARLY * np.median(costs[centre])
+    for step in HALVES:
+        for other in (half - step, half + step):
+            trial(bent := plain.halved(other), [centre])
+            if np.median(costs[centre]) < squares:
+                book, half, squares = bent, other, np.median(costs[centre])
+    costs.clear()
+    centre = about(book, centre)
     numbers = sorted(costs)
     left = np.stack([costs[number] for number in numbers])
     usual = numbers.index(centre)
@@ -97,7 +113,7 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
     apart = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
     noise = _noise(here, [each.explained(steady) for each in beside], apart)
     for turn in range(BENDS):
-        terms = _bends(mine, here, steady, noise, MOST if turn == 0 else MORE)
+        terms = _bends(mine, here, steady, noise, MOST if turn == 0 and book is plain else MORE)
         if terms is None:
             break
         book = book.bent(terms, slice(int(blur.min()), int(blur.max()) + 1))
