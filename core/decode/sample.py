@@ -42,10 +42,12 @@ OWN = 0.7  # part of the contrast of white and black that that of bits and their
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
 USUAL = 0.6  # part of the usual contrast that a code alone must have
 RESOLVED = 0.15  # part of the whole contrast that a fine bit must have in the mean for its sign to tell anything
+BY_NOISE = 1.1  # of its standard deviation: noise alone shows 0.8 in the mean
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
 AROUND = 0.03  # part of the pixels to either side of the median that tell the middle between on and off
 FEW_CELLS = 7  # of a code, as many as alike would be seen as often: of fewer the finest bit may be on in more than half
 OFF, FARTHEST = 0.1, 0.7  # of half the contrast: nearer to the middle a threshold stays; farther is black or white
+SHARP = 0.3  # of half the contrast, by which these differ where the median may be anywhere between the levels
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
@@ -319,22 +321,20 @@ def limits_of(noise: Noise, saturation: float, options: DecodeOptions, tables: S
 
 
 def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
-    """Move the threshold of a Gray code without phases or inverse bits to where the finest bits are on in half the
+    """Move the threshold of a code without phases or inverse bits to where the finest bits are on in half the
     pixels: light halfway between black and white is not halfway between their grey values if the camera has a gamma."""
-    if len(table.period) or not (table.gray and table.has_threshold and table.has_contrast and table.sign.all()):
+    if len(table.period) or not (table.has_threshold and table.has_contrast and table.sign.all()):
         return table
     threshold, contrast, *bits = sums_of(table.rows, sample)
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < FEWEST:
         return table
     levels = np.stack(bits)[:, lit] + table.sign[:, None] * threshold[lit]
-    level = levels[-1] / contrast[lit]
     cells = np.unique(2.0 ** np.arange(len(levels)) @ (levels > 0), return_counts=True)[1]
-    if np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2):
-        return table
-    # of sharp stripes the median may be anywhere between the levels
-    middle = -table.sign[-1] * float(np.mean(np.quantile(level, (0.5 - AROUND, 0.5 + AROUND))))
-    if not OFF <= abs(middle) <= FARTHEST:
+    low, high = np.quantile(levels[-1] / contrast[lit], (0.5 - AROUND, 0.5 + AROUND))
+    middle = -table.sign[-1] * float(low + high) / 2
+    few = np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2)
+    if few or high - low > SHARP or not OFF <= abs(middle) <= FARTHEST:
         return table
     rows = [
         {f: float(v) for f, v in zip(table.rows.column[a:b].tolist(), table.rows.value[a:b], strict=True)}
@@ -374,6 +374,7 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     alone = not table.has_contrast and len(table.period) == 0
     usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if alone else 0
     fading = np.minimum(np.maximum(1.5 * share, 0.2), 1.0).astype(np.float32)
-    if table.gray and len(table.period) == 0:  # nothing but the bits tells the place
-        fading[len(share) - int(np.argmax(share[::-1] > RESOLVED)) :] = BLURRED
+    if len(table.period) == 0:  # nothing but the bits tells the place
+        by_noise = BY_NOISE * np.sqrt(table.spread) * np.mean((np.sqrt(noise.variance(threshold)) / contrast)[lit])
+        fading[len(share) - int(np.argmax((share > np.maximum(RESOLVED, by_noise))[::-1])) :] = BLURRED
     return table._replace(fading=fading, least_contrast=np.float32(USUAL * usual))

@@ -172,12 +172,12 @@ def cell_of(gray, word):  # type: ignore[no-untyped-def]
 
 
 @part
-def coarsest(fading):  # type: ignore[no-untyped-def]
-    """How many of its lowest bits a code alone may do without."""
+def blurred_of(fading):  # type: ignore[no-untyped-def]
+    """How many bits are not resolved anywhere."""
     blurred = ZEROTH
     for b in range(len(fading)):
         blurred += 1 if fading[b] == BLURRED else 0
-    return max(COARSEST, INT(blurred + 1))
+    return blurred
 
 
 @part
@@ -235,8 +235,7 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
         for i in range(count):
             place[i] = (F(cell_of(gray, word[i])) + HALF) * cell - HALF
             noise[i], doubtful[i] = ONE, unsure[i] & ~_side_of(word[i], unsure[i], near[i])
-        if gray:
-            _locate_edges(table, word, unsure, count, place, noise, doubtful)
+        _locate_edges(table, word, unsure, count, place, noise, doubtful)
         return
     combine(table.steps[0], table.step_error[0], turns, variance, count, place, noise)
     if gray:
@@ -247,15 +246,35 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
 
 @part
 def _locate_edges(table, word, unsure, count, place, cells, doubtful):  # type: ignore[no-untyped-def]
-    """Gray code alone where bits are unsure: the edge where one changes, or a wider cell without the fine ones."""
-    cell, most = table.cell, coarsest(table.fading)
+    """A code alone where bits are unsure: the edge where one changes, or a wider cell without the fine ones."""
+    gray, cell, blurred = table.gray, table.cell, blurred_of(table.fading)
+    if not gray and blurred == ZEROTH:
+        return
     for i in range(count):
         if unsure[i] != NONE:
-            middle, width = coarser(word[i], unsure[i], 0, most)
+            middle, width = (
+                coarser(word[i], unsure[i], 0, max(COARSEST, INT(blurred + 1)))
+                if gray
+                else _upper(word[i], unsure[i], blurred)
+            )
             found = width != F(0)
             place[i] = middle * cell - HALF if found else place[i]
             cells[i] = width if found else ONE
             doubtful[i] = NONE if found else unsure[i]
+
+
+@part
+def _upper(word, unsure, blurred):  # type: ignore[no-untyped-def]
+    """Place and width (cells; 0: none) that the upper bits of binary code tell, the lowest `blurred` being lost.
+
+    Where others are unsure as well, down from one to the lost ones, all of them change: there the place is that edge.
+    """
+    changing, bits = INT(unsure >> blurred), blurred
+    if INT(changing & (changing + 1)) != NONE:
+        return F(0), F(0)
+    while changing != NONE:
+        changing, bits = INT(changing >> 1), bits + 1
+    return (F(INT(word >> bits)) + HALF) * F(INT(1) << bits), F(INT(1) << blurred)
 
 
 @part

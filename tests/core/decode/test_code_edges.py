@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from core.decode import decode
-from core.patterns import Black, White, brightness, gray_and_phase
+from core.patterns import Black, Code, White, brightness, gray_and_phase
 from tests.core.decode.conftest import Bench
 
 LINES, FINE = 128, 20
@@ -110,3 +112,20 @@ def test_few_wide_stripes_are_read_though_more_of_them_are_lit(cell: int, first:
     phase = decode(patterns, Bench(u, lines=(LINES, 1), blur=blur).take(patterns), lines=(LINES, 1))
     assert np.isfinite(phase.u).all()
     assert np.abs(phase.u - u).max() < 0.5 * cell + 2
+
+
+@pytest.mark.parametrize("inverse", [True, False])
+@pytest.mark.parametrize(("blur_lines", "gamma"), [(2.0, 1.0), (5.0, 1.6)])
+def test_binary_code_without_its_blurred_bits_tells_wide_cells(blur_lines: float, gamma: float, inverse: bool) -> None:
+    """Bits of stripes that blur hides are anything. They were read all the same: four in five were off by 5 sigma."""
+    codes = gray_and_phase("x", LINES, cell=1, periods=[], inverse=inverse)
+    patterns = [White(), Black(), *(replace(p, kind="binary") for p in codes if isinstance(p, Code))]
+    u = places(100, np.random.default_rng(4))
+    images = Bench(u, lines=(LINES, 1), blur=blur_lines, gain=150).take(patterns)
+    images = [np.rint(255 * (image / 255) ** (1 / gamma)).astype(np.uint8) for image in images]  # of the camera
+    phase = decode(patterns, images, lines=(LINES, 1))
+    known = np.isfinite(phase.u)
+    error = np.abs(phase.u - u)[known] / phase.sigma_u[known]
+    assert known.mean() > 0.8
+    assert np.mean(error > 4) < 0.005
+    assert np.sqrt(np.mean(error**2)) < 1.2
