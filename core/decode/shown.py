@@ -62,34 +62,8 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
         return Shown(book, np.full(shape, middle), Noise(1.0, 0.0, 1 / 12), steady)
     lit = lit[np.linspace(0, len(lit) - 1, min(len(lit), SAMPLE)).astype(int)]
     grey, at = np.ascontiguousarray(grey[:, lit]), at[:, lit]
-    n = len(lit)
-    unit = F(1), F(0), F(1)
-    costs: dict[int, Singles] = {}
-
-    def trial(book: Book, numbers: Sequence[int]) -> None:
-        found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
-        for number in numbers:
-            blurs, costs[number] = np.full(n, number), np.empty(n, F)
-            adjust(grey, book.fine, blurs, book.places(found.best), unit, steady, np.empty((4, n), F), costs[number])
-
-    def about(book: Book, centre: int) -> int:
-        trial(book, range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1)))
-        return best()
-
-    def best() -> int:
-        return min(costs, key=lambda number: float(np.median(costs[number])))
-
-    for first in range(0, len(BLURS), 4 * COARSE):
-        trial(book, range(first, min(first + 4 * COARSE, len(BLURS)), COARSE))
-    centre = about(book, best())
-    plain, half, squares = book, 0.5, CLEARLY * np.median(costs[centre])
-    for step in HALVES:
-        for other in (half - step, half + step):
-            trial(bent := plain.halved(other), [centre])
-            if np.median(costs[centre]) < squares:
-                book, half, squares = bent, other, np.median(costs[centre])
-    costs.clear()
-    centre = about(book, centre)
+    plain = book
+    book, costs, centre = _tried(plain, grey, steady)
     numbers = sorted(costs)
     left = np.stack([costs[number] for number in numbers])
     usual = numbers.index(centre)
@@ -122,6 +96,42 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
         here = mine.explained(steady)
         noise = _noise(here, [each.explained(steady) for each in beside], apart)
     return Shown(book, blur, noise, steady)
+
+
+def _tried(book: Book, grey: Singles, steady: Singles) -> tuple[Book, dict[int, Singles], int]:
+    """The words as a camera's gamma shows them, and the squares (n,) that grey values (k, n) leave of them under blurs.
+
+    Those are given by their numbers in `BLURS`, about the one that leaves the least, which is the last value.
+    """
+    unit, n = (F(1), F(0), F(1)), grey.shape[1]
+    costs: dict[int, Singles] = {}
+
+    def trial(book: Book, numbers: Sequence[int]) -> None:
+        found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
+        for number in numbers:
+            blurs, costs[number] = np.full(n, number), np.empty(n, F)
+            adjust(grey, book.fine, blurs, book.places(found.best), unit, steady, np.empty((4, n), F), costs[number])
+
+    def best() -> int:
+        return min(costs, key=lambda number: float(np.median(costs[number])))
+
+    def around(centre: int) -> range:
+        return range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1))
+
+    for first in range(0, len(BLURS), 4 * COARSE):
+        trial(book, range(first, min(first + 4 * COARSE, len(BLURS)), COARSE))
+    trial(book, around(best()))
+    centre = best()
+    plain, half, least = book, 0.5, CLEARLY * float(np.median(costs[centre]))
+    for step in HALVES:
+        for other in (half - step, half + step):
+            bent = plain.halved(other)
+            trial(bent, [centre])
+            if (left := float(np.median(costs[centre]))) < least:
+                book, half, least = bent, other, left
+    costs.clear()
+    trial(book, around(centre))
+    return book, costs, best()
 
 
 def _noise(here: _Explained, beside: Sequence[_Explained], apart: float) -> Noise:
