@@ -110,10 +110,6 @@ class Book:
         fine[blurs] += more
         return replace(self, fine=fine, _kept={})
 
-    def halved(self, half: float) -> Book:
-        """Give the book of words of which a camera's gamma makes `half` where half the light is."""
-        return self.bent(np.array([2 - 4 * half, *[0.0] * (1 + len(WIDE))]), slice(None))
-
     def shelf(self, blur: int) -> Shelf:
         """Give what is looked up under a blur."""
         rows = self.fine[blur, PER_LINE // 2 : (self.lines + 1) * PER_LINE - PER_LINE // 2 + 1 : PER_LINE // self.grid]

@@ -26,8 +26,6 @@ COARSE = 3  # so manieth is tried first, then each around the best
 SAMPLE = 6000  # pixels that tell blur and noise
 TILES = 6, 8  # of the image, each with its blur
 NEXT, ASIDE = 3, ((0, 0), (1, 0), (0, 1))  # px: nearer, noise may be alike, too; itself, down and across
-HALVES = 0.15, 0.15, 0.07, 0.03  # of the contrast: steps to what a camera's gamma makes of half the light
-CLEARLY = 0.8  # times the squares that are left without
 ROUNDS = 4  # of what flickers
 HOLD, LARGEST = 1e-4, 0.3  # part of the contrast's squares; of a round's change
 BENDS, FEW = 4, 2000  # rounds of bending, and pixels of the sample that tell it
@@ -62,8 +60,20 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
         return Shown(book, np.full(shape, middle), Noise(1.0, 0.0, 1 / 12), steady)
     lit = lit[np.linspace(0, len(lit) - 1, min(len(lit), SAMPLE)).astype(int)]
     grey, at = np.ascontiguousarray(grey[:, lit]), at[:, lit]
-    plain = book
-    book, costs, centre = _tried(plain, grey, steady)
+    n = len(lit)
+    unit = F(1), F(0), F(1)
+    costs = {}
+
+    def trial(numbers: list[int]) -> None:
+        found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
+        for number in numbers:
+            blurs, costs[number] = np.full(n, number), np.empty(n, F)
+            adjust(grey, book.fine, blurs, book.places(found.best), unit, steady, np.empty((4, n), F), costs[number])
+
+    for first in range(0, len(BLURS), 4 * COARSE):
+        trial(list(range(first, min(first + 4 * COARSE, len(BLURS)), COARSE)))
+    centre = min(costs, key=lambda number: float(np.median(costs[number])))
+    trial([i for i in range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1)) if i not in costs])
     numbers = sorted(costs)
     left = np.stack([costs[number] for number in numbers])
     usual = numbers.index(centre)
@@ -87,7 +97,7 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
     apart = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
     noise = _noise(here, [each.explained(steady) for each in beside], apart)
     for turn in range(BENDS):
-        terms = _bends(mine, here, steady, noise, MOST if turn == 0 and book is plain else MORE)
+        terms = _bends(mine, here, steady, noise, MOST if turn == 0 else MORE)
         if terms is None:
             break
         book = book.bent(terms, slice(int(blur.min()), int(blur.max()) + 1))
@@ -96,42 +106,6 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
         here = mine.explained(steady)
         noise = _noise(here, [each.explained(steady) for each in beside], apart)
     return Shown(book, blur, noise, steady)
-
-
-def _tried(book: Book, grey: Singles, steady: Singles) -> tuple[Book, dict[int, Singles], int]:
-    """The words as a camera's gamma shows them, and the squares (n,) that grey values (k, n) leave of them under blurs.
-
-    Those are given by their numbers in `BLURS`, about the one that leaves the least, which is the last value.
-    """
-    unit, n = (F(1), F(0), F(1)), grey.shape[1]
-    costs: dict[int, Singles] = {}
-
-    def trial(book: Book, numbers: Sequence[int]) -> None:
-        found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
-        for number in numbers:
-            blurs, costs[number] = np.full(n, number), np.empty(n, F)
-            adjust(grey, book.fine, blurs, book.places(found.best), unit, steady, np.empty((4, n), F), costs[number])
-
-    def best() -> int:
-        return min(costs, key=lambda number: float(np.median(costs[number])))
-
-    def around(centre: int) -> range:
-        return range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1))
-
-    for first in range(0, len(BLURS), 4 * COARSE):
-        trial(book, range(first, min(first + 4 * COARSE, len(BLURS)), COARSE))
-    trial(book, around(best()))
-    centre = best()
-    plain, half, least = book, 0.5, CLEARLY * float(np.median(costs[centre]))
-    for step in HALVES:
-        for other in (half - step, half + step):
-            bent = plain.halved(other)
-            trial(bent, [centre])
-            if (left := float(np.median(costs[centre]))) < least:
-                book, half, least = bent, other, left
-    costs.clear()
-    trial(book, around(centre))
-    return book, costs, best()
 
 
 def _noise(here: _Explained, beside: Sequence[_Explained], apart: float) -> Noise:
