@@ -375,6 +375,7 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
     usual = np.median(contrast[lit] / np.maximum(threshold[lit], 1)) if alone else 0
     fading = np.minimum(np.maximum(1.5 * share, 0.2), 1.0).astype(np.float32)
     if len(table.period) == 0:  # nothing but the bits tells the place
-        by_noise = BY_NOISE * np.sqrt(table.spread) * np.mean((np.sqrt(noise.variance(threshold)) / contrast)[lit])
+        grain = np.sqrt(noise.variance(threshold)) / np.maximum(contrast, LEAST_CONTRAST)
+        by_noise = BY_NOISE * np.sqrt(table.spread) * np.median(grain[lit])
         fading[len(share) - int(np.argmax((share > np.maximum(RESOLVED, by_noise))[::-1])) :] = BLURRED
     return table._replace(fading=fading, least_contrast=np.float32(USUAL * usual))

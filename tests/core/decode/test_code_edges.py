@@ -129,3 +129,20 @@ def test_binary_code_without_its_blurred_bits_tells_wide_cells(blur_lines: float
     assert known.mean() > 0.8
     assert np.mean(error > 4) < 0.005
     assert np.sqrt(np.mean(error**2)) < 1.2
+
+
+def test_pixels_that_white_alone_lights_hide_no_blurred_bits() -> None:
+    """White scatters light that stripes do not; where these are constant, contrast divides nothing.
+
+    All bits were then taken for resolved, and a quarter of the pixels lost.
+    """
+    codes = gray_and_phase("x", LINES, cell=1, periods=[], inverse=True)
+    patterns = [White(), Black(), *codes]
+    u = places(200, np.random.default_rng(4))
+    white, black, *stripes = Bench(u, lines=(LINES, 1), blur=5.0, gain=60).take(patterns)
+    for image in stripes:
+        image[:20] = 15
+    phase = decode(patterns, [white + np.uint8(60), black, *stripes], lines=(LINES, 1))
+    known = np.isfinite(phase.u[25:])
+    assert known.mean() > 0.9
+    assert np.all(np.abs(phase.u - u)[25:][known] < 4 * phase.sigma_u[25:][known])
