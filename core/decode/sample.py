@@ -331,9 +331,10 @@ def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
         return table
     levels = np.stack(bits)[:, lit] + table.sign[:, None] * threshold[lit]
     cells = np.unique(2.0 ** np.arange(len(levels)) @ (levels > 0), return_counts=True)[1]
-    low, high = np.quantile(levels[-1] / contrast[lit], (0.5 - AROUND, 0.5 + AROUND))
+    part = levels[-1] / contrast[lit]
+    lower, low, high, upper = np.quantile(part, (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
     middle = -table.sign[-1] * float(low + high) / 2
-    few = np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2)
+    few = np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2) and upper - lower > SHARP
     if few or high - low > SHARP or not OFF <= abs(middle) <= FARTHEST:
         return table
     rows = [
