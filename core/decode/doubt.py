@@ -9,7 +9,7 @@ import numpy as np
 
 from core.decode.compiled import HALF, INT, NONE, ONE, ZEROTH, F, part, pixel_sum, turn_of
 from core.decode.options import Flag
-from core.decode.words import COARSEST, blurred_of, cell_of, coarser, word_of
+from core.decode.words import blurred_of, cell_of, coarser, most_left_out, word_of
 
 UNSURE, DISAGREEMENT = INT(Flag.UNSURE), INT(Flag.DISAGREEMENT)
 
@@ -31,7 +31,7 @@ def settle(table, source, limits, turns, noise, seen, count, soft, place, flags)
         return
     gray, cell, lines, steps, fading = table.gray, table.cell, table.lines, table.steps, table.fading
     period = table.step_period[0] if len(steps) > 0 else F(0)
-    most = max(COARSEST, INT(blurred_of(fading) + 1))
+    most = most_left_out(blurred_of(fading))
     dark, shot, floor = limits.dark, limits.shot, limits.floor
     soft = soft[: len(fading)]
     for i in range(count):

@@ -181,6 +181,12 @@ def blurred_of(fading):  # type: ignore[no-untyped-def]
 
 
 @part
+def most_left_out(blurred):  # type: ignore[no-untyped-def]
+    """How many of its lowest bits Gray code alone may do without."""
+    return max(COARSEST, INT(blurred + 1))
+
+
+@part
 def coarser(word, unsure, more, most):  # type: ignore[no-untyped-def]
     """Place (cells) and width (cells; 0: none) that Gray code tells without its lowest bits.
 
@@ -248,15 +254,15 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
 def _locate_edges(table, word, unsure, count, place, cells, doubtful):  # type: ignore[no-untyped-def]
     """A code alone where bits are unsure: the edge where one changes, or a wider cell without the fine ones."""
     gray, cell, blurred = table.gray, table.cell, blurred_of(table.fading)
+    most = most_left_out(blurred)
     if not gray and blurred == ZEROTH:
         return
     for i in range(count):
         if unsure[i] != NONE:
-            middle, width = (
-                coarser(word[i], unsure[i], 0, max(COARSEST, INT(blurred + 1)))
-                if gray
-                else _upper(word[i], unsure[i], blurred)
-            )
+            if gray:
+                middle, width = coarser(word[i], unsure[i], 0, most)
+            else:
+                middle, width = _upper(word[i], unsure[i], blurred)
             found = width != F(0)
             place[i] = middle * cell - HALF if found else place[i]
             cells[i] = width if found else ONE
