@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import platform
-import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -50,7 +49,7 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         _sweep_once(path.parent)
     except OSError as error:
         raise unwritable(path, error) from error
-    part = path.with_name(f"{part_prefix(path.name)}{secrets.token_hex(4)}{PART}")
+    part = path.with_name(f"{part_prefix(path.name)}{os.urandom(4).hex()}{PART}")
     try:  # a signal between the name and the file leaves nothing
         try:
             file = part.open("xb")

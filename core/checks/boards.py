@@ -9,7 +9,7 @@ import numpy as np
 from core.checks.lengths import nominal_of
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, Note, TargetSet, Testfield
-from core.numerics import median_of, nearest
+from core.numerics import median_of, nearest, row_median
 
 FAR = 5.0  # times what half of the targets are off: of 250 with normal errors one is so far once in 10⁵ boards
 OFF = 0.03  # of the spacing: single dots are printed better than that
@@ -57,7 +57,8 @@ def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list
     nominal, sigma = nominal[known], np.sqrt(np.trace(adjustment.point_cov_mm2[known], axis1=1, axis2=2))
     scale, R, shift = similarity(nominal, adjustment.points_mm[known])
     off = (adjustment.points_mm[known] - shift) @ R / scale - nominal
-    off -= np.median(off[nearest(nominal, AROUND + 1)[:, 1:]], axis=1)
+    around = np.swapaxes(off[nearest(nominal, AROUND + 1)[:, 1:]], 1, 2)
+    off -= row_median(around.reshape(off.size, -1)).reshape(off.shape)
     size = np.linalg.norm(off, axis=1)
     usual = median_of(size)
     return [

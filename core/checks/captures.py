@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Capture, Concern, DeviceSpec, Frame, PlaneEvaluation, TargetSet, Testfield
-from core.numerics import quantile_of, sigma_by_median
+from core.numerics import median_of, quantile_of, sigma_by_median
 from core.patterns import Pattern, alike, level_of
 
 MOST_NAMED = 4
@@ -74,23 +74,23 @@ def _look_alike(a: Frame, b: Frame, projectors: Mapping[str, DeviceSpec]) -> boo
 
 def repeated_targets(sets: Sequence[TargetSet]) -> list[Concern]:
     """Find captures whose measured targets are another's, whatever became of the files."""
+    number: dict[tuple[int, int], int] = {}
+    places = [np.array([number.setdefault(key, len(number)) for key in t.keys], np.int64) for t in sets]
+    # by camera and by projector: both coordinates and their variances, NaN where a target was not measured
+    value, variance = np.full((2, 2, len(sets), len(number), 2), np.nan)
+    for k, (t, at) in enumerate(zip(sets, places, strict=True)):
+        value[:, k, at] = t.camera_uv, t.projector_uv
+        variance[:, k, at] = np.diagonal(t.camera_cov, axis1=1, axis2=2), t.projector_sigma**2
     concerns = []
-    for a, b in combinations(sets, 2):
-        if (a.camera, a.projector) != (b.camera, b.projector):
-            continue
-        keys = a.keys, b.keys
-        index = {key: k for k, key in enumerate(keys[1])}
-        first = np.array([k for k, key in enumerate(keys[0]) if key in index], np.int64)
-        if len(first) < LEAST_COMMON:
-            continue
-        second = np.array([index[keys[0][k]] for k in first])
-        variance = np.diagonal(a.camera_cov[first] + b.camera_cov[second], axis1=1, axis2=2)
-        seen = (a.camera_uv[first] - b.camera_uv[second]) ** 2 / variance
-        both = a.projector_sigma[first] ** 2 + b.projector_sigma[second] ** 2
-        lit = (a.projector_uv[first] - b.projector_uv[second]) ** 2 / both
-        if max(np.mean(seen), np.mean(lit[np.isfinite(lit)] if np.isfinite(lit).any() else 0)) < SAME**2:
-            text = f"{b.capture} has the same targets as {a.capture}, to half of their sigma: one capture measured "
-            concerns.append(Concern("failed", f"{text}twice; take one out"))
+    for k, a in enumerate(sets[:-1]):
+        off = (value[:, k + 1 :] - value[:, k, None]) ** 2 / (variance[:, k + 1 :] + variance[:, k, None])
+        known = np.isfinite(off)
+        mean = np.sum(off, axis=(2, 3), where=known) / np.maximum(known.sum(axis=(2, 3)), 1)
+        alike = (mean.max(axis=0) < SAME**2) & (np.count_nonzero(known[0, :, :, 0], axis=1) >= LEAST_COMMON)
+        for b in (sets[k + 1 + i] for i in np.flatnonzero(alike).tolist()):
+            if (a.camera, a.projector) == (b.camera, b.projector):
+                text = f"{b.capture} has the same targets as {a.capture}, to half of their sigma: one capture measured "
+                concerns.append(Concern("failed", f"{text}twice; take one out"))
     return concerns
 
 
@@ -178,7 +178,7 @@ def grey_concerns(sets: Sequence[TargetSet]) -> list[Concern]:
 def size_concerns(targets: Sequence[TargetSet], boards: Mapping[str, Testfield | None]) -> list[Concern]:
     """Compare diameters with the dots' distances from each other, by boards (by capture) of one file."""
     found = {t.capture: size for t in targets if (size := _size(t, boards.get(t.capture))) is not None}
-    size = float(np.median([*found.values()])) if found else 1.0
+    size = median_of([*found.values()]) if found else 1.0
     if 1 / OFF <= size <= OFF:
         return []
     names = f"{min(found)} and {len(found) - 1} more" if len(found) > 1 else min(found)
@@ -194,4 +194,4 @@ def _size(t: TargetSet, board: Testfield | None) -> float | None:
     at = [board.index()[key] for key in t.keys]
     A = np.column_stack([board.xyz_mm[at, :2] - board.xyz_mm[at, :2].mean(axis=0), np.ones(len(at))])
     area = abs(np.linalg.det(np.linalg.lstsq(A, t.camera_uv, rcond=None)[0][:2]))
-    return float(np.median(t.diameter_px / board.diameter_mm[at]) / np.sqrt(area)) if area > 0 else None
+    return median_of(t.diameter_px / board.diameter_mm[at]) / float(np.sqrt(area)) if area > 0 else None

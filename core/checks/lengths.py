@@ -16,7 +16,7 @@ from core.checks.plates import Plates
 from core.geometry import similarity
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Note, ScaleBar, Testfield
-from core.numerics import chi_square_limit
+from core.numerics import chi_square_limit, median_of
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %
 SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the level of the other tests
@@ -134,7 +134,7 @@ def foreign_concerns(seen: Plates) -> list[Concern]:
 
     Another rig's is off by many lines and per cent; limits are wide, for other programs' calibrations tell no sigmas.
     """
-    off = float(np.median([rms for rms, _, _ in seen.epipolar.values()])) if seen.epipolar else 0.0
+    off = median_of([rms for rms, _, _ in seen.epipolar.values()]) if seen.epipolar else 0.0
     ratio = _plate_board(seen)[0]
     told, remedy = [], "does it belong to another rig, or has the rig been changed since?"
     if off > FOREIGN_LINES:
@@ -201,9 +201,16 @@ def _stretch(nominal: Array, found: Array) -> tuple[float, float]:
 
 def _by_calibration(plates: Plates) -> float:
     """Relative sigma of the plate's size, from the calibration's uncertainty."""
-    own = _plate_board(plates)[0]
-    other = np.array([_plate_board(replace(plates, xyz_mm=xyz))[0] for xyz in plates.uncertain_mm])
+    own = _scale(plates, plates.xyz_mm)
+    other = np.array([_scale(plates, xyz) for xyz in plates.uncertain_mm])
     return float(np.sqrt(np.nansum((other / own - 1) ** 2)))
+
+
+def _scale(plates: Plates, xyz_mm: Array) -> float:
+    """Median scale of the found points of all plates, (plates, targets, 3), over the nominal ones."""
+    use = [np.isfinite(plates.nominal_mm + xyz).all(axis=1) for xyz in xyz_mm]
+    found = [similarity(plates.nominal_mm[k], xyz[k])[0] for xyz, k in zip(xyz_mm, use, strict=True) if k.sum() >= 4]
+    return median_of(found)
 
 
 def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
@@ -211,7 +218,7 @@ def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
     scales = [scale for scale, _ in found if np.isfinite(scale)]
     told = [concern for _, concerns in found for concern in concerns]
     often = told if len(told) > len(found) / 2 else []
-    return (float(np.median(scales)) if scales else float("nan")), often[:1]
+    return median_of(scales), often[:1]
 
 
 def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
@@ -243,7 +250,7 @@ def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
             "that no frames were exchanged, and move the plate without play"
         )
         concerns.append(Concern("failed" if (np.abs(rest) > 3 * limit).any() else "doubtful", text, "plates"))
-    for k in np.flatnonzero(across > max(0.01 * distance, 6 * float(np.median(across)))):
+    for k in np.flatnonzero(across > max(0.01 * distance, 6 * median_of(across))):
         text = f"{plates.names[k]}: the plate stood {across[k]:.1f} mm beside its axis: did it move sideways?"
         concerns.append(Concern("doubtful", text, "plates"))
     return slope, sigma, concerns
@@ -268,9 +275,9 @@ def _movement(plates: Plates) -> tuple[Array, Array, float]:
         centres = xyz[:, common].mean(axis=1)
     else:  # no target is in all: the board's place from those that each plate has
         centres = np.array([_centre_of(plates.nominal_mm, p) for p in xyz])
-    middle = np.median(centres, axis=0)
+    middle = np.array([median_of(values) for values in centres.T])
     moved = centres - middle
-    z = plates.z_mm - np.median(plates.z_mm)
+    z = plates.z_mm - median_of(plates.z_mm)
     axis = np.linalg.svd(moved)[2][0] if len(moved) > 2 else moved[-1] - moved[0]
     axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
     if np.sum((moved @ axis) * z) < 0:
@@ -307,7 +314,7 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
         if all(like) and (votes.min() == len(voters) or (clear and voters is rounds[0])):
             return []
         if clear and not all(like):
-            true = float(np.median(factors[[k for k in voters if like[k]]]))
+            true = median_of(factors[[k for k in voters if like[k]]])
             others = " and ".join(lengths[k].name for k in np.flatnonzero(like))
             return [_told(lengths[k], factors[k] / true, others, scale, board) for k in np.flatnonzero(~like)]
     worst = float(factors.max() / factors.min())

@@ -14,7 +14,7 @@ import numpy as np
 from core.geometry import similarity
 from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
-from core.numerics import chi_square_limit, distinct, nearest, normal_limit, sigma_by_median
+from core.numerics import chi_square_limit, distinct, median_of, nearest, normal_limit, sigma_by_median
 
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
@@ -243,7 +243,7 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
             continue
         product, square = np.concatenate(products).ravel(), np.concatenate(squares).ravel()
         # a few gross errors are told elsewhere; they must not decide here
-        limit = 25 * float(np.median(square)) + 1e-12
+        limit = 25 * median_of(square) + 1e-12
         use = square < limit
         agreement = float(np.sum(np.clip(product[use], -limit, limit)) / max(float(np.sum(square[use])), 1e-12))
         significant = agreement * np.sqrt(np.count_nonzero(use) / 2) > 3.1  # mutual neighbours count twice

@@ -70,7 +70,8 @@ def see_plates(
     pair = pair_of(calibration)
     values, vectors = np.linalg.eigh(pair.covariance)
     changes = (vectors * np.sqrt(np.maximum(values, 0.0))).T[values > values[-1] * 1e-14]
-    found = [intersect_targets(p, *seen) for p in (pair, *(perturbed(pair, change) for change in changes))]
+    start = intersect_targets(pair, *seen)
+    found = [start, *(intersect_targets(perturbed(pair, change), *seen, near=start[0]) for change in changes)]
     placed = np.full((len(found), *shape), np.nan)
     for one, (points, _, _) in zip(placed, found, strict=True):
         one[plate, target] = points
@@ -114,11 +115,13 @@ def pose_plates(
     return Plates(tuple(names), np.array(z), board.xyz_mm, stacked, stacked[None][:0], {})
 
 
-def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) -> tuple[Array, Array, Array]:
+def intersect_targets(
+    calibration: Pair, uv: Array, lines: Array, sigma: Array, near: Array | None = None
+) -> tuple[Array, Array, Array]:
     """Give the points of targets, (n, 3) mm, and the fourth observation's residual and sigma, (n,) lines.
 
     `uv` and `lines`, (n, 2), are the camera's and projector's coordinates, `sigma` the projector's; NaN where not
-    decoded.
+    decoded. `near` are the points by nearly the same calibration, where these are known.
     """
     spec, interior = calibration.camera.spec, calibration.camera.interior
     rays = ray_directions(spec, interior, uv)
@@ -128,7 +131,10 @@ def intersect_targets(calibration: Pair, uv: Array, lines: Array, sigma: Array) 
     seen = np.where(weight > 0, lines, 0.0)
     depth = np.full(len(rays), START * spec.nominal_c_mm)
     # first as if the lens were perfect: far outside of the image its polynomial turns round and fits a second time
-    for device in ((other[0], Interior(other[1].c_mm, other[1].x0_mm, other[1].y0_mm)), other):
+    devices = [(other[0], Interior(other[1].c_mm, other[1].x0_mm, other[1].y0_mm)), other]
+    if near is not None and np.isfinite(near).all():
+        depth, devices = -near[:, 2], [other]
+    for device in devices:
         for _ in range(STEPS):
             at, slope = _along(calibration, device, rays, depth)
             rest = np.where(weight > 0, seen - at, 0.0)

@@ -82,7 +82,8 @@ def point_fields(pair: Pair, volume: Volume) -> Array:
     """Move the points that a calibration gives by its independent errors of one sigma each, shape (k, n, 3), mm."""
     sigma = np.ones(volume.lines.shape)
     start = intersect_targets(pair, volume.uv, volume.lines, sigma)[0]
-    moved = [intersect_targets(perturbed(pair, e), volume.uv, volume.lines, sigma)[0] for e in _errors(pair.covariance)]
+    known = volume.uv, volume.lines, sigma, start
+    moved = [intersect_targets(perturbed(pair, e), *known)[0] for e in _errors(pair.covariance)]
     return np.reshape(moved, (-1, *start.shape)) - start
 
 

@@ -11,7 +11,7 @@ from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import pair_for, perturbed
 from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
-from core.numerics import distinct, sigma_by_median
+from core.numerics import distinct, median_of, sigma_by_median
 from core.orient.equations import Equations, Estimate, Places, robust_estimate
 from core.orient.freedom import (
     DEFAULT,
@@ -221,7 +221,7 @@ def _checked(
     """Leave out what is no measurement, and see that enough is left."""
     if len(sight.at):
         with np.errstate(invalid="ignore"):
-            kept = np.abs(found.e - np.nanmedian(found.e)) < GROSS * max(float(np.nanstd(found.e)) / 5, 1.0)
+            kept = np.abs(found.e - median_of(found.e)) < GROSS * max(float(np.nanstd(found.e)) / 5, 1.0)
             kept &= found.xyz_mm[:, 2] < 0
         sight, found = sight.only(kept), found.only(kept)
     side, tile = sides

@@ -54,15 +54,20 @@ def calibrate_project(
     """
     options = options or CalibrateOptions()
     check_options(project, options)
-    captures = captures_for(project, method, options)
+    everything = all_captures(project)
+    captures = captures_for(project, method, options, everything)
     with writing_results(project.path, "calibrate"):
-        return _calibrate(project, captures, options, progress)
+        return _calibrate(project, everything, captures, options, progress)
 
 
 def _calibrate(
-    project: Project, captures: dict[Method, list[Capture]], options: CalibrateOptions, progress: Progress
+    project: Project,
+    everything: Sequence[Capture],
+    captures: dict[Method, list[Capture]],
+    options: CalibrateOptions,
+    progress: Progress,
 ) -> dict[Method, Calibration]:
-    kept_sets = current_target_sets(project)
+    kept_sets = current_target_sets(project, everything)
     measured = {t.capture for t in kept_sets}
     records = _records(project, captures, options)  # of what is there before it is read: what changes meanwhile shows
     held: dict[Method, tuple[dict[str, Any], int]] = {}  # the archives of those taken over, and the number of their run
@@ -87,7 +92,7 @@ def _calibrate(
     if targets:
         save_targets(project, sets)
     roles = {m: METHODS[m].roles for m in captures}
-    evidence = Evidence(project, done, beside, captures, options, sets, roles)
+    evidence = Evidence(project, done, beside, captures, options, sets, roles, everything)
     for name, judged in judge_calibrations(evidence).items():
         before, done[name] = done[name], judged
         if (before.verdict, before.left_out) != (judged.verdict, judged.left_out):
@@ -149,10 +154,12 @@ def _calibrated(
     return found, failures
 
 
-def captures_for(project: Project, method: Method, options: CalibrateOptions) -> dict[Method, list[Capture]]:
+def captures_for(
+    project: Project, method: Method, options: CalibrateOptions, everything: Sequence[Capture]
+) -> dict[Method, list[Capture]]:
     """Captures of the method asked for; of "all" those of every method that there are captures for."""
     asked = METHODS if method == "all" else {method: method_of(method)}
-    captures = [c for c in all_captures(project) if c.name not in options.without]
+    captures = [c for c in everything if c.name not in options.without]
     found = shares(captures) if method == "all" else {method: [c for c in captures if asked[method].uses(c)]}
     if not any(found.values()):
         seen, remedies = zip(*(m.none for m in asked.values()), strict=True)

@@ -34,7 +34,6 @@ from core.model import (
     named_by,
     points_at_a_cause,
 )
-from core.pipeline.folders import all_captures
 from core.pipeline.options import CalibrateOptions
 
 if TYPE_CHECKING:
@@ -97,11 +96,7 @@ class Evidence:
     options: CalibrateOptions
     sets: Sequence[TargetSet]  # all that are current
     roles: Mapping[Method, Sequence[Role]]  # of the captures that a method reads
-
-    @cached_property
-    def captures(self) -> list[Capture]:
-        """All captures of the project."""
-        return all_captures(self.project)
+    captures: Sequence[Capture]  # all of the project
 
     @cached_property
     def kept(self) -> dict[str, TargetSet]:

@@ -49,9 +49,10 @@ def measure_project(project: Project, progress: Progress = SILENT) -> tuple[Targ
     return tuple(targets)
 
 
-def boards_of(project: Project) -> list[Capture]:
-    """Give all captures of boards with targets."""
-    found = [c for c in all_captures(project) if c.testfield is not None or c.seeds]
+def boards_of(project: Project, captures: Sequence[Capture] | None = None) -> list[Capture]:
+    """Give all captures of boards with targets; `captures` are all of the project, where they have been read."""
+    captures = all_captures(project) if captures is None else captures
+    found = [c for c in captures if c.testfield is not None or c.seeds]
     return [c for role in BOARDS for c in found if c.role == role]
 
 

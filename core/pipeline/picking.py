@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from numpy.typing import NDArray
@@ -124,10 +124,13 @@ def measure_one(
     return measured[0]
 
 
-def current_target_sets(project: Project) -> list[TargetSet]:
-    """Give the kept targets that follow from what is there now, of every camera with every projector."""
+def current_target_sets(project: Project, captures: Sequence[Capture] | None = None) -> list[TargetSet]:
+    """Give the kept targets that follow from what is there now, of every camera with every projector.
+
+    `captures` are all of the project, where they have been read.
+    """
     if not (kept := kept_targets(project)):
         return []
-    boards = boards_of(project)
+    boards = boards_of(project, captures)
     current = set(signs_of(project, boards, sides_of(boards)).values())
     return [t for t in kept if t.made_from in current]

@@ -11,7 +11,7 @@ import errno
 import getpass
 import json
 import os
-import socket
+import platform
 import sys
 import threading
 import time
@@ -192,7 +192,7 @@ def _locked(handle: int, path: Path) -> bool:
     holder = _read(path) or {}
     pid = holder.get("pid")
     alive = isinstance(pid, int) and pid > 0 and is_running(pid)
-    return holder.get("host") != socket.gethostname() or not alive
+    return holder.get("host") != platform.node() or not alive
 
 
 def _release(path: Path, handle: int) -> None:
@@ -222,7 +222,7 @@ def _who(work: str) -> dict[str, Any]:
     program = "stripe-core" if name == "__main__.py" else name
     return {
         "pid": os.getpid(),
-        "host": socket.gethostname(),
+        "host": platform.node(),
         "user": user,
         "program": f"{program} {work}",
         "since": f"{datetime.now():%Y-%m-%d %H:%M:%S}",

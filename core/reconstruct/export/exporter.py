@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from core.lazy import dataclass
 from core.model import PointCloud
+from core.numerics import quantile_of
 
 Image = NDArray[Any]  # (H, W) grey values
 _ROWS = 20_000  # written at once
@@ -32,8 +33,7 @@ def count(cloud: PointCloud) -> int:
 
 def grey_bytes(grey: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Grey values from 0 (black) to 255 (the brightest percent); what is not known is black."""
-    finite = grey[np.isfinite(grey)]
-    bright = float(np.percentile(finite, 99)) if finite.size else 1.0
+    bright = quantile_of(grey, 0.99) if np.isfinite(grey).any() else 1.0
     return np.clip(np.nan_to_num(grey) * (255 / max(bright, 1e-6)) + 0.5, 0, 255).astype(np.uint8)
 
 
