@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
     pose_at, point_at = (problem.globals, U) if problem.by_points else (U, problem.globals)
     common = [*range(GLOBALS, GLOBALS + problem.columns.shape[1]), *range(POSE, POSE + 6)]
     found = np.zeros((U + len(C) + 1, U + len(C) + 1))
+    n = problem.points
+    of_points = np.zeros((3, 3, n, n))
     place = np.argsort(problem.order)
     for k, t in enumerate(targets):
         rows, known = _observations(solved.network, t, t.capture or str(k + 1))
@@ -57,12 +60,19 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         of_all = own.reshape(-1, 2 * c).T @ shared.reshape(-1, 2 * c) + moved.T @ cov_u @ moved
         between = np.swapaxes(shared, 1, 2) @ by_point + (cov_u @ moved)[:, :, None] * moved_points[:, None, :]
         between = between.transpose(1, 0, 2).reshape(2 * c, -1)
-        of_points = cov_u[:, None, :, None] * moved_points[:, :, None, None] * moved_points
-        of_points[range(len(some)), :, range(len(some))] += np.swapaxes(by_point, 1, 2) @ cov @ by_point
+        cov_of, moved_of, of_each = np.zeros((n, n)), np.zeros((3, n)), np.zeros((n, 3, 3))
+        cov_of[np.ix_(points, points)], moved_of[:, points] = cov_u, moved_points.T
+        of_each[points] = np.swapaxes(by_point, 1, 2) @ cov @ by_point
+        for s, t in product(range(3), repeat=2):
+            part = cov_of * moved_of[s, :, None]
+            part *= moved_of[t]
+            part.flat[:: n + 1] += of_each[:, s, t]
+            of_points[s, t] += part
         np.add.at(found, np.ix_(all_of, all_of), of_all)
-        np.add.at(found, np.ix_(all_of, each), between)
-        np.add.at(found, np.ix_(each, all_of), between.T)
-        found[np.ix_(each, each)] += of_points.reshape(len(each), -1)
+        for half in (slice(c), slice(c, 2 * c)):  # of one device; none stands twice in it
+            found[np.ix_(all_of[half], each)] += between[half]
+            found[np.ix_(each, all_of[half])] += between[half].T
+    found[point_at : point_at + 3 * n, point_at : point_at + 3 * n] = of_points.transpose(2, 0, 3, 1).reshape(3 * n, -1)
     Q = np.concatenate([inverse.Q, -C @ inverse.Q])
     return replace(solved, inverse=replace(inverse, Q=inverse.Q + Q.T @ found[:-1, :-1] @ Q))
 
