@@ -79,7 +79,7 @@ _RC = {
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a figure has become: its size, the SVG file's text, and what sets the same on a page of a PDF."""
+    """What a figure has become: its size, an SVG element for a page, and what sets the same on a page of a PDF."""
 
     size_in: tuple[float, float]
     svg: str
@@ -135,7 +135,8 @@ def drawn(drawing: Drawing) -> Drawing:
         return drawing
     with drawing_style():
         _settle(figure)
-        return replace(drawing, figure=Drawn(drawing.size_in, *draw_once(figure)))
+        svg, marks = draw_once(figure)
+        return replace(drawing, figure=Drawn(drawing.size_in, _element(svg, drawing.key), marks))
 
 
 def _strokes(drawing: Drawing) -> Drawn:
@@ -146,13 +147,15 @@ def _strokes(drawing: Drawing) -> Drawn:
 
 def svg_text(drawing: Drawing) -> str:
     """Give the drawing as an SVG element to stand in a page, its colours as CSS variables."""
-    text = _strokes(drawing).svg
-    text = text[text.index("<svg") :]
+    return _strokes(drawing).svg
+
+
+def _element(svg: str, key: str) -> str:
+    text = svg[svg.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
     # names are unique in one drawing only, but must be in the whole page
-    text = re.sub(r'\bid="', f'id="{drawing.key}-', text)
-    text = re.sub(r'href="#', f'href="#{drawing.key}-', text)
-    text = re.sub(r"url\(#", f"url(#{drawing.key}-", text)
+    text = re.sub(r'\bid="', f'id="{key}-', text)
+    text = text.replace('href="#', f'href="#{key}-').replace("url(#", f"url(#{key}-")
     for colour, variable in CSS_VARIABLES.items():
         text = text.replace(colour, f"var({variable})")
     return text.strip()

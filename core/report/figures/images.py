@@ -174,7 +174,8 @@ def _cells(axes: Axes, found: Coverage) -> None:
         u, v = j * width - 0.5, i * height - 0.5
         if count:
             opacity = 0.08 + 0.5 * count / top
-            axes.add_patch(Rectangle((u, v), width, height, facecolor=CAMERA, alpha=opacity, linewidth=0))
+            cell = Rectangle((u, v), width, height, facecolor=CAMERA, alpha=opacity, linewidth=0)
+            axes.add_artist(cell)  # which looks for no limits: the image has them
         colour = INK if count else MUTED
         at = u + width / 2, v + height / 2
         axes.text(*at, f"{count}", ha="center", va="center", fontsize=6.5, color=colour, in_layout=False)
