@@ -63,11 +63,11 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         cov_of, moved_of, of_each = np.zeros((n, n)), np.zeros((3, n)), np.zeros((n, 3, 3))
         cov_of[np.ix_(points, points)], moved_of[:, points] = cov_u, moved_points.T
         of_each[points] = np.swapaxes(by_point, 1, 2) @ cov @ by_point
-        for s, t in product(range(3), repeat=2):
-            part = cov_of * moved_of[s, :, None]
-            part *= moved_of[t]
-            part.flat[:: n + 1] += of_each[:, s, t]
-            of_points[s, t] += part
+        for i, j in product(range(3), repeat=2):
+            part = cov_of * moved_of[i, :, None]
+            part *= moved_of[j]
+            part.flat[:: n + 1] += of_each[:, i, j]
+            of_points[i, j] += part
         np.add.at(found, np.ix_(all_of, all_of), of_all)
         for half in (slice(c), slice(c, 2 * c)):  # of one device; none stands twice in it
             found[np.ix_(all_of[half], each)] += between[half]

@@ -9,6 +9,7 @@ blobs.py          everything in the image that could be a dot
 view.py           the approximate view of the board: pose and one radial parameter
 identify.py       from the picks to a lattice that all picks agree on
 grow.py           the lattice grows outwards, one confirmed target after the other
+foretold.py       where targets should be by those around them, and which spots are there
 rays.py           rays from the dots' centres, along which the image is sampled
 profile.py        contour, blur, background and plateau of every dot
 light.py          where the projector's light ends, in the camera's image

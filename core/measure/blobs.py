@@ -90,19 +90,3 @@ def connected_spots(mask: NDArray[np.bool_], contrast: NDArray[np.float32], fact
     cov = np.stack([np.stack([suu, suv], axis=1), np.stack([suv, svv], axis=1)], axis=1)
     centre = (np.stack([cu, cv], axis=1) + 0.5) * factor - 0.5
     return Blobs(centre[1:], area[1:] * factor**2, cov[1:] * factor**2, peak[1:], border[1:])
-
-
-def scale_and_roundness(blobs: Blobs, spot: NDArray[np.int64], ellipse: Array) -> tuple[Array, Array]:
-    """Compare spots with expected ellipses, maps (..., 2, 2) of the unit disc to px.
-
-    Gives the diameter over the expected one, by area, and the ratio of the axes, at least 1, that is left when the
-    expected ellipse is mapped back to a circle; both (...).
-    """
-    a, b, c, d = ellipse[..., 0, 0], ellipse[..., 0, 1], ellipse[..., 1, 0], ellipse[..., 1, 1]
-    det = a * d - b * c
-    scale = np.sqrt(blobs.area_px[spot] / (np.pi * np.abs(det)))
-    back = np.stack([np.stack([d, -b], -1), np.stack([-c, a], -1)], -2) / det[..., None, None]
-    cov = back @ blobs.cov_px2[spot] @ np.swapaxes(back, -1, -2)
-    half = (cov[..., 0, 0] + cov[..., 1, 1]) / 2
-    apart = np.hypot((cov[..., 0, 0] - cov[..., 1, 1]) / 2, cov[..., 0, 1])
-    return scale, np.sqrt((half + apart) / np.maximum(half - apart, 1e-12))

@@ -12,15 +12,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.blobs import Blobs, scale_and_roundness
+from core.measure.blobs import Blobs
 from core.measure.board import Board
+from core.measure.foretold import WHY, choose, foretell
 from core.measure.view import View, fit_both_tilts, fit_view
 from core.model import Array, Ints
-from core.numerics import inverse_2x2, median_of, nearest, normal_equations, row_median
+from core.numerics import inverse_2x2, median_of
 
 ADJACENT = 8  # targets that count as next to one another
-NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
-CHOICES = 4  # spots looked at round a prediction
 
 
 @dataclass
@@ -82,21 +81,12 @@ def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
 
     The place is NaN where the view cannot see the target.
     """
-    board, near = lattice.board, lattice.board.neighbours[targets]
+    board = lattice.board
     base, jacobian = lattice.expected()
-    missed = np.nan_to_num(lattice.uv() - base)  # zero where unknown: its weight is zero too
-    offset = (board.xyz_mm[near, :2] - board.xyz_mm[targets, None, :2]) / board.spacing_mm[targets, None, None]
-    usable = lattice.known[near] & np.isfinite(base[near, 0])
-    weight = usable / (0.3 + np.sum(offset**2, axis=2)) ** 2
-    # weighted line fit of the missed part, slopes held near zero by a little so that few neighbours suffice
-    A = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
-    N, b = normal_equations(A, weight, missed[near])
-    total = np.maximum(weight.sum(axis=1), 1e-12)
-    N[:, 0, 0] += 1e-9 * total + 1e-12
-    N[:, 1, 1] += 0.03 * total
-    N[:, 2, 2] += 0.03 * total
-    correction = np.linalg.solve(N, b)[:, 0, :]
-    return base[targets] + correction, jacobian[targets], usable.sum(axis=1)
+    uv, support = np.empty((len(targets), 2)), np.empty(len(targets), np.int64)
+    of_board = board.xyz_mm, board.spacing_mm
+    foretell(targets, board.neighbours, lattice.blob, lattice.blobs.uv, base, *of_board, uv, support)
+    return uv, jacobian[targets], support
 
 
 def misfits(lattice: Lattice, targets: Ints) -> tuple[Array, Ints]:
@@ -152,27 +142,18 @@ def _extend(lattice: Lattice, frontier: Ints) -> bool:
     """Try to identify the targets of the frontier; True if at least one was."""
     uv, jacobian, support = predict(lattice, frontier)
     sane = np.all(np.isfinite(uv), axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2))
-    frontier, uv, jacobian, support = frontier[sane], uv[sane], jacobian[sane], support[sane]
-    if not len(frontier):
-        return False
-    choices = min(CHOICES, len(lattice.blobs.uv))
-    spot = nearest(lattice.blobs.uv, choices, of=uv)
-    distance = _on_board(lattice, frontier, lattice.blobs.uv[spot] - uv[:, None, :], jacobian)
-    tolerance = np.where(support >= 3, NEAR, NEAR_FEW)
-    alike, why = _alike(lattice, frontier, spot, jacobian)
-    within = distance < tolerance[:, None]
-    candidate = np.where(within & alike, distance, np.inf)
-    order = np.argsort(candidate, axis=1)
+    frontier, uv, support = frontier[sane], uv[sane], support[sane]
+    board, blobs = lattice.board, lattice.blobs
+    spot, why = np.empty_like(frontier), np.empty_like(frontier)
+    of_targets = lattice.expected()[1], board.radius_mm, board.spacing_mm, board.neighbours, lattice.blob
+    of_spots = blobs.uv, blobs.area_px, blobs.cov_px2, blobs.contrast, blobs.on_border
+    choose(frontier, uv, support, *of_targets, *of_spots, _usual_size(lattice), spot, why)
     claims: dict[int, list[int]] = {}
-    for k, target in enumerate(frontier.tolist()):
-        first = candidate[k, order[k, 0]]
-        second = candidate[k, order[k, 1]] if choices > 1 else np.inf
-        if not np.isfinite(first):
-            lattice.notes[target] = why[k][int(np.argmin(distance[k]))] if np.any(within[k]) else ""
-        elif second < max(2.5 * first, 0.15):
-            lattice.notes[target] = "ambiguous: two dots near the predicted place"
+    for target, own, reason in zip(frontier.tolist(), spot.tolist(), why.tolist(), strict=True):
+        if own < 0:
+            lattice.notes[target] = WHY[reason]
         else:
-            claims.setdefault(int(spot[k, order[k, 0]]), []).append(target)
+            claims.setdefault(own, []).append(target)
     return _settle(lattice, claims)
 
 
@@ -192,25 +173,9 @@ def _settle(lattice: Lattice, claims: dict[int, list[int]]) -> bool:
     return grown
 
 
-def _alike(lattice: Lattice, frontier: Ints, spot: Ints, jacobian: Array) -> tuple[NDArray[np.bool_], list[list[str]]]:
-    """Whether spots (m, k) have the size, shape and contrast that their target (m,) should have; and why not."""
-    blobs, board = lattice.blobs, lattice.board
+def _usual_size(lattice: Lattice) -> float:
+    """Diameter of the identified spots over the expected one, by area; the median."""
     known = np.flatnonzero(lattice.known)
-    own = scale_and_roundness(blobs, lattice.blob[known], _ellipse(lattice, known))[0]
-    size, shape = scale_and_roundness(blobs, spot, jacobian[:, None] * board.radius_mm[frontier, None, None, None])
-    size = size / median_of(own)
-    near = lattice.board.neighbours[frontier]
-    contrast = np.where(lattice.known[near], blobs.contrast[lattice.blob[near]], np.nan)
-    typical = row_median(contrast)  # the frontier has identified neighbours by definition
-    bright = blobs.contrast[spot] / typical[:, None]
-    why = np.full(spot.shape, "", dtype=object)
-    why[~(bright > 0.35)] = "its contrast is unlike its neighbours'"
-    why[~(shape < 1.8)] = "its shape is not the expected ellipse: covered or lit in part"
-    why[~((size > 0.6) & (size < 1.6))] = "its size is not the expected one: covered, lit in part or not a target"
-    why[blobs.on_border[spot]] = "cut by the image border"
-    return why == "", why.tolist()
-
-
-def _ellipse(lattice: Lattice, targets: Ints) -> Array:
-    """(m, 2, 2) px: the map of the unit disc to the image of each target's dot."""
-    return lattice.expected()[1][targets] * lattice.board.radius_mm[targets, None, None]
+    a, b, c, d = lattice.expected()[1][known].reshape(-1, 4).T
+    area = np.pi * np.abs(a * d - b * c) * lattice.board.radius_mm[known] ** 2
+    return median_of(np.sqrt(lattice.blobs.area_px[lattice.blob[known]] / area))

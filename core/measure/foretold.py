@@ -1,0 +1,162 @@
+"""Where targets should be by identified ones around them, and which spots are there; for many targets at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.compiling import njit
+from core.model import Array, Ints
+
+CHOICES = 4  # spots looked at round a prediction
+NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
+WHY = (
+    "",
+    "its contrast is unlike its neighbours'",
+    "its shape is not the expected ellipse: covered or lit in part",
+    "its size is not the expected one: covered, lit in part or not a target",
+    "cut by the image border",
+    "ambiguous: two dots near the predicted place",
+)  # a target has no spot
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def foretell(
+    targets: Ints,
+    neighbours: Ints,
+    blob: Ints,
+    spots: Array,
+    base: Array,
+    xyz: Array,
+    spacing: Array,
+    uv: Array,
+    support: Ints,
+) -> None:  # pragma: no cover  compiled
+    """Predict targets (m,): where a view has them, `base` (n, 2) px, and what it misses of their neighbours (n, k).
+
+    What it misses is carried on linearly: a weighted fit of a line, its slopes held near zero by a little so that few
+    neighbours suffice. `blob` (n,) numbers the spot of every target, -1 where none; `spots` (s, 2) px; `xyz` (n, 3) and
+    `spacing` (n,) are the board's, mm. Fills `uv` (m, 2), NaN where the view sees nothing, and `support` (m,), how many
+    neighbours told it.
+    """
+    for m in range(len(targets)):
+        t = targets[m]
+        count, n00, n01, n02, n11, n12, n22 = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        bu0, bu1, bu2, bv0, bv1, bv2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(neighbours.shape[1]):
+            j = neighbours[t, i]
+            if blob[j] < 0 or not np.isfinite(base[j, 0]):
+                continue
+            x, y = (xyz[j, 0] - xyz[t, 0]) / spacing[t], (xyz[j, 1] - xyz[t, 1]) / spacing[t]
+            w = 1.0 / (0.3 + x * x + y * y) ** 2
+            u, v = w * (spots[blob[j], 0] - base[j, 0]), w * (spots[blob[j], 1] - base[j, 1])
+            n00, n01, n02, n11, n12, n22 = (
+                n00 + w,
+                n01 + w * x,
+                n02 + w * y,
+                n11 + w * x * x,
+                n12 + w * x * y,
+                n22 + w * y * y,
+            )
+            bu0, bu1, bu2, bv0, bv1, bv2 = bu0 + u, bu1 + u * x, bu2 + u * y, bv0 + v, bv1 + v * x, bv2 + v * y
+            count += 1
+        total = max(n00, 1e-12)
+        n00, n11, n22 = n00 + 1e-9 * total + 1e-12, n11 + 0.03 * total, n22 + 0.03 * total
+        det = n11 * n22 - n12 * n12
+        p, q = (
+            (n01 * n22 - n02 * n12) / det,
+            (n02 * n11 - n01 * n12) / det,
+        )  # which take the slopes out of the first row
+        rest = n00 - p * n01 - q * n02
+        uv[m, 0] = base[t, 0] + (bu0 - p * bu1 - q * bu2) / rest
+        uv[m, 1] = base[t, 1] + (bv0 - p * bv1 - q * bv2) / rest
+        support[m] = count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def choose(
+    targets: Ints,
+    uv: Array,
+    support: Ints,
+    jacobian: Array,
+    radius: Array,
+    spacing: Array,
+    neighbours: Ints,
+    blob: Ints,
+    spots: Array,
+    area: Array,
+    cov: Array,
+    contrast: Array,
+    border: NDArray[np.bool_],
+    usual: float,
+    chosen: Ints,
+    why: Ints,
+) -> None:  # pragma: no cover  compiled
+    """Choose the spot of targets (m,) foretold at `uv` (m, 2) px: near, alone there, and as their neighbours' are.
+
+    Of all n targets: `jacobian` (n, 2, 2) px per mm on the board, `radius` and `spacing` (n,) mm, `neighbours` (n, k),
+    `blob` (n,) as in `foretell`. Of the s spots: `area` (s,) px, `cov` (s, 2, 2) px, `contrast`, `border`; `usual` is
+    the identified ones' diameter over the expected one. Fills `chosen` (m,), -1 where none, and `why` (m,) not.
+    """
+    found, off, around = np.empty(CHOICES, np.int64), np.empty(CHOICES), np.empty(neighbours.shape[1])
+    for m in range(len(targets)):
+        t, known = targets[m], 0
+        for i in range(neighbours.shape[1]):
+            if blob[neighbours[t, i]] >= 0:
+                value, k = contrast[blob[neighbours[t, i]]], known
+                while k > 0 and around[k - 1] > value:
+                    around[k] = around[k - 1]
+                    k -= 1
+                around[k] = value
+                known += 1
+        typical = (around[(known - 1) // 2] + around[known // 2]) / 2 if known else np.nan
+        count = 0
+        for s in range(len(spots)):
+            away = (spots[s, 0] - uv[m, 0]) ** 2 + (spots[s, 1] - uv[m, 1]) ** 2
+            if count == CHOICES and away >= off[count - 1]:
+                continue
+            k = min(count, CHOICES - 1)
+            while k > 0 and off[k - 1] > away:
+                off[k], found[k] = off[k - 1], found[k - 1]
+                k -= 1
+            off[k], found[k] = away, s
+            count = min(count + 1, CHOICES)
+        a, b, c, d = jacobian[t, 0, 0], jacobian[t, 0, 1], jacobian[t, 1, 0], jacobian[t, 1, 1]
+        det = a * d - b * c
+        first, second, nearest = np.inf, np.inf, np.inf
+        chosen[m], why[m], within = -1, 0, False
+        for k in range(count):
+            s = found[k]
+            du, dv = spots[s, 0] - uv[m, 0], spots[s, 1] - uv[m, 1]
+            x, y = (d * du - b * dv) / det, (a * dv - c * du) / det
+            distance = np.sqrt(x * x + y * y) / spacing[t]
+            # its second moments, mapped back to the board in radii
+            r2 = (radius[t] * det) ** 2
+            xx = (d * d * cov[s, 0, 0] - 2 * b * d * cov[s, 0, 1] + b * b * cov[s, 1, 1]) / r2
+            yy = (c * c * cov[s, 0, 0] - 2 * a * c * cov[s, 0, 1] + a * a * cov[s, 1, 1]) / r2
+            xy = ((a * d + b * c) * cov[s, 0, 1] - c * d * cov[s, 0, 0] - a * b * cov[s, 1, 1]) / r2
+            half, apart = (xx + yy) / 2, np.sqrt(((xx - yy) / 2) ** 2 + xy * xy)
+            shape = np.sqrt((half + apart) / max(half - apart, 1e-12))
+            size = np.sqrt(area[s] / (np.pi * abs(det))) / radius[t] / usual
+            bright = contrast[s] / typical
+            fault = 0
+            if not bright > 0.35:
+                fault = 1
+            if not shape < 1.8:
+                fault = 2
+            if not (size > 0.6 and size < 1.6):
+                fault = 3
+            if border[s]:
+                fault = 4
+            if distance < nearest:
+                nearest, why[m] = distance, fault
+            if distance < (NEAR if support[m] >= 3 else NEAR_FEW):
+                within = True
+                if fault == 0 and distance < first:
+                    first, second, chosen[m] = distance, first, s
+                elif fault == 0 and distance < second:
+                    second = distance
+        if chosen[m] < 0:
+            why[m] = why[m] if within else 0
+        elif second < max(2.5 * first, 0.15):
+            chosen[m], why[m] = -1, 5
