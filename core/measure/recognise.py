@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from core.errors import InputError, NotRecognisedError
-from core.measure.kinds import kind_of
+from core.measure.board import board_from_testfield
+from core.measure.kinds import Guesses, kind_of
 from core.measure.picks import Side
+from core.measure.single import measured_view
 from core.measure.targets import measure_targets
-from core.measure.turns import SAME, Labelling, labelling_between, symmetries
-from core.model import DeviceSpec, MissingTarget, PhaseMap, TargetSet, Testfield
+from core.measure.turns import SAME, Labelling, labelling_between, relabelled, symmetries
+from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 
 MOST_TRIES = 4  # guesses that are measured until one holds
 LEAST = 4  # targets measured, for a guess to hold
+ANOTHER = 0.25  # of the targets of a board, from which what looks like it elsewhere is another such board
+MARGIN = 1.5  # spacings round the outermost targets that are of the board, too
 
 
 def recognise(
@@ -34,45 +43,69 @@ def recognise(
     Raises
     ------
     NotRecognisedError
-        If the board cannot be recognised.
+        If the board cannot be recognised, or two such boards are seen.
     """
     kind = kind_of(testfield, capture or "testfield.csv")
     facing = "back" if side == "back" else "front"
+    how: dict[str, Any] = {"projector": projector, "capture": capture, "excluded": excluded, "side": side}
+
+    def held(image: PhaseMap, guesses: Guesses) -> tuple[Sequence[Seed], TargetSet] | None:
+        for guess in guesses[:MOST_TRIES]:
+            with suppress(InputError):
+                found = measure_targets(image, testfield, guess, camera, **how)
+                if len(found.row) >= LEAST:
+                    return guess, found
+        return None
+
     seen = 0
     for image in (phase, _mirrored(phase)) if kind.coded else (phase,):  # what is not coded has no mirror image
         seen_uv, guesses = kind.guess(image.image, testfield, camera, (), facing)
         seen = len(seen_uv) if image is phase else seen
-        for guess in guesses[:MOST_TRIES]:
-            try:
-                found = measure_targets(
-                    image,
-                    testfield,
-                    guess,
-                    camera,
-                    projector=projector,
-                    capture=capture,
-                    excluded=excluded,
-                    side=side,
-                )
-            except InputError:
-                continue
-            if len(found.row) < LEAST:
-                continue
-            if image is not phase:
+        if not (first := held(image, guesses)):
+            continue
+        if image is not phase:
+            raise NotRecognisedError(
+                capture or "image",
+                "the board is recognised in the image's mirror image only",
+                "mirror the frames back, or correct the testfield file if its x or y runs the other way",
+            )
+        cells = [[(seed.row, seed.col) for seed in guess] for guess in (first[0], *guesses)]
+        others = [w for other in cells[1:] if (w := labelling_between(cells[0], other)) is not None and w != SAME]
+        found, ways = first[1], (SAME, *dict.fromkeys(others))
+        own = _reach(testfield, camera, found, ways)
+        rest = replace(phase, image=np.where(own, np.nanmedian(phase.image), phase.image).astype(np.float32))
+        if second := held(rest, kind.guess(rest.image, testfield, camera, (), facing)[1]):
+            u, v = np.rint(second[1].camera_uv).astype(int).T
+            beside = np.count_nonzero(~own[v, u])
+            if beside > ANOTHER * len(found.row):
                 raise NotRecognisedError(
                     capture or "image",
-                    "the board is recognised in the image's mirror image only",
-                    "mirror the frames back, or correct the testfield file if its x or y runs the other way",
+                    f"two such boards are seen, {len(found.row)} targets of one and {beside} of the other",
+                    "cover one of them, or pick 4 targets of the one that is meant",
                 )
-            cells = [[(seed.row, seed.col) for seed in other] for other in (guess, *guesses)]
-            ways = [w for other in cells[1:] if (w := labelling_between(cells[0], other)) is not None and w != SAME]
-            return found, (SAME, *dict.fromkeys(ways))
+        return found, ways
     what = f"{seen} {kind.plural} in order, which do not fit the board" if seen else f"no {kind.plural} in order"
     raise NotRecognisedError(
         capture or "image",
         f"the board is not recognised: {what}",
         "see whether its testfield file is of this board, in mm, or pick 4 targets",
     )
+
+
+def _reach(testfield: Testfield, camera: DeviceSpec, found: TargetSet, ways: Sequence[Labelling]) -> NDArray[np.bool_]:
+    """Pixels (H, W) to which a board may reach, as any of its labellings has it."""
+    board = board_from_testfield(testfield)
+    margin = MARGIN * float(board.spacing_mm.max()) * np.array([(1, 1, 0), (1, -1, 0), (-1, -1, 0), (-1, 1, 0)])
+    around = (board.xyz_mm[:, None] + margin).reshape(-1, 3)
+    inside = np.zeros((camera.height, camera.width), np.uint8)
+    for way in ways:
+        named = relabelled(found, way, testfield)
+        view = None if named is None else measured_view(testfield, camera, named)
+        if view is not None:
+            uv = view.project(around)
+            outline = cv2.convexHull(np.clip(uv[np.isfinite(uv[:, 0])], -1e4, 1e5).astype(np.int32))
+            cv2.fillConvexPoly(inside, outline, 1.0)
+    return inside > 0
 
 
 def _mirrored(phase: PhaseMap) -> PhaseMap:

@@ -1,5 +1,6 @@
 """Boards of every kind as the program prints them, photographed through OpenCV's camera, told without picks."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -103,3 +104,13 @@ def test_few_blurred_tags_joined_by_their_corners_are_told(seed: int) -> None:
     found, _ = recognise(phase_of(image), field, SPEC)
     at = [field.index()[key] for key in zip(found.row.tolist(), found.col.tolist(), strict=True)]
     assert np.abs(found.camera_uv - truth[at]).max() < 2.0
+
+
+@pytest.mark.parametrize("kind", ["dots", "chessboard", "rings"])
+def test_neither_of_two_equal_boards_is_taken_silently(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    whole, _ = photograph(board_of(kind), rng, 15, hidden=False)
+    part, _ = photograph(board_of(kind), rng, 35, hidden=True)
+    both, camera = np.hstack([whole, part]), replace(SPEC, width=2 * SPEC.width)
+    with pytest.raises(NotRecognisedError, match=r"two such boards are seen, .* cover one of them, or pick 4 targets"):
+        recognise(phase_of(both), field_of(kind), camera)
