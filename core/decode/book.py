@@ -24,6 +24,7 @@ ELSEWHERE = 2.0  # times the blur, at least a line: nearer than this is the same
 NEAREST = 64  # words elsewhere that are compared one by one, where the rest is known to be unlike
 CLEARLY = 0.9  # of the best fit: what fits less needs no figure of its own until it is asked for
 ROUNDS = 5  # of the adjustment
+INVERSE = 0.2  # mean product of two frames' values, of 0.25 where none is blurred and one inverts the other
 FEWEST = 4  # frames: three unknowns and one that tells whether they fit
 
 F = np.float32
@@ -109,6 +110,17 @@ class Book:
             more += term * (self.fine[number] - some)
         fine[blurs] += more
         return replace(self, fine=fine, _kept={})
+
+    def halved(self, half: float, blurs: slice) -> Book:
+        """Give the book of words of which a camera's gamma makes `half` where half the light is, under some blurs."""
+        return self.bent(np.array([2 - 4 * half, *[0.0] * (1 + len(WIDE))]), blurs)
+
+    @property
+    def inverted(self) -> bool:
+        """Whether frames show each other's inverse."""
+        sharp = self.fine[0, PER_LINE:-PER_LINE]
+        sharp = sharp - sharp.mean(axis=0)  # 0 where a frame is evenly lit
+        return bool(((sharp.T @ sharp) / len(sharp) < -INVERSE).any())
 
     def shelf(self, blur: int) -> Shelf:
         """Give what is looked up under a blur."""

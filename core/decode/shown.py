@@ -26,6 +26,9 @@ COARSE = 3  # so manieth is tried first, then each around the best
 SAMPLE = 6000  # pixels that tell blur and noise
 TILES = 6, 8  # of the image, each with its blur
 NEXT, ASIDE = 3, ((0, 0), (1, 0), (0, 1))  # px: nearer, noise may be alike, too; itself, down and across
+HALVES, EVERY = (0.15, 0.15, 0.07, 0.03), 4  # of the contrast, steps of what half the light shows; pixels that tell it
+FLAT, UNLIKE = 0.1, 0.1  # of the contrast: what blur leaves of a frame that tells half the light; by which these differ
+CLEARLY = 0.8  # times the squares that are left without
 ROUNDS = 4  # of what flickers
 HOLD, LARGEST = 1e-4, 0.3  # part of the contrast's squares; of a round's change
 BENDS, FEW = 4, 2000  # rounds of bending, and pixels of the sample that tell it
@@ -60,20 +63,12 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
         return Shown(book, np.full(shape, middle), Noise(1.0, 0.0, 1 / 12), steady)
     lit = lit[np.linspace(0, len(lit) - 1, min(len(lit), SAMPLE)).astype(int)]
     grey, at = np.ascontiguousarray(grey[:, lit]), at[:, lit]
-    n = len(lit)
-    unit = F(1), F(0), F(1)
-    costs = {}
-
-    def trial(numbers: list[int]) -> None:
-        found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
-        for number in numbers:
-            blurs, costs[number] = np.full(n, number), np.empty(n, F)
-            adjust(grey, book.fine, blurs, book.places(found.best), unit, steady, np.empty((4, n), F), costs[number])
-
-    for first in range(0, len(BLURS), 4 * COARSE):
-        trial(list(range(first, min(first + 4 * COARSE, len(BLURS)), COARSE)))
-    centre = min(costs, key=lambda number: float(np.median(costs[number])))
-    trial([i for i in range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1)) if i not in costs])
+    plain = book
+    costs, centre = _tried(book, grey, steady)
+    if not book.inverted:
+        other = _halved(book, grey[:, ::EVERY], steady, centre)
+        if other is not book:
+            book, (costs, centre) = other, _tried(other, grey, steady)
     numbers = sorted(costs)
     left = np.stack([costs[number] for number in numbers])
     usual = numbers.index(centre)
@@ -97,7 +92,7 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
     apart = 1.0 if images[0].itemsize == 1 else max(1.0, quantum(grey))
     noise = _noise(here, [each.explained(steady) for each in beside], apart)
     for turn in range(BENDS):
-        terms = _bends(mine, here, steady, noise, MOST if turn == 0 else MORE)
+        terms = _bends(mine, here, steady, noise, MOST if turn == 0 and book is plain else MORE)
         if terms is None:
             break
         book = book.bent(terms, slice(int(blur.min()), int(blur.max()) + 1))
@@ -106,6 +101,50 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
         here = mine.explained(steady)
         noise = _noise(here, [each.explained(steady) for each in beside], apart)
     return Shown(book, blur, noise, steady)
+
+
+def _tried(book: Book, grey: Singles, steady: Singles) -> tuple[dict[int, Singles], int]:
+    """Squares (n,) that grey values (k, n) leave under blurs, numbers of `BLURS`, about the one that leaves the least:
+    the second value."""
+    costs: dict[int, Singles] = {}
+
+    def best() -> int:
+        return min(costs, key=lambda number: float(np.median(costs[number])))
+
+    for first in range(0, len(BLURS), 4 * COARSE):
+        costs |= _squares(book, grey, steady, list(range(first, min(first + 4 * COARSE, len(BLURS)), COARSE)))
+    centre = best()
+    around = range(max(0, centre - 2 * COARSE), min(len(BLURS), centre + 2 * COARSE + 1))
+    return costs | _squares(book, grey, steady, [number for number in around if number not in costs]), centre
+
+
+def _squares(book: Book, grey: Singles, steady: Singles, numbers: Sequence[int]) -> dict[int, Singles]:
+    """Squares (n,) that grey values (k, n) leave under each of these blurs."""
+    n = grey.shape[1]
+    found = book.shelf(numbers[len(numbers) // 2]).find(grey)  # what is looked up hardly depends on the blur
+    start, unit, left = book.places(found.best), (F(1), F(0), F(1)), np.empty((len(numbers), n), F)
+    for number, squares in zip(numbers, left, strict=True):
+        adjust(grey, book.fine, np.full(n, number), start, unit, steady, np.empty((4, n), F), squares)
+    return dict(zip(numbers, left, strict=True))
+
+
+def _halved(book: Book, grey: Singles, steady: Singles, blur: int) -> Book:
+    """The words with what a camera's gamma makes of half the light, as grey values (k, n) clearly fit better.
+
+    It makes the same of all frames of which blur leaves half the light; those that differ are shown darker themselves.
+    """
+    grey = np.ascontiguousarray(grey)
+    words, swing = book.fine[blur], np.ptp(grey, axis=0)
+    flat = (words.std(axis=0) < FLAT) & (np.abs(words.mean(axis=0) - F(0.5)) < FLAT)
+    if flat.any() and np.ptp(np.median((grey[flat] - grey.min(axis=0)) / np.maximum(swing, F(1)), axis=1)) > UNLIKE:
+        return book
+    half, least = 0.5, CLEARLY * float(np.median(_squares(book, grey, steady, [blur])[blur]))
+    for step in HALVES:
+        for other in (half - step, half + step):
+            bent = book.halved(other, slice(blur, blur + 1))
+            if (left := float(np.median(_squares(bent, grey, steady, [blur])[blur]))) < least:
+                half, least = other, left
+    return book if half == 0.5 else book.halved(half, slice(None))
 
 
 def _noise(here: _Explained, beside: Sequence[_Explained], apart: float) -> Noise:
