@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.agreement import contradiction, refuse_open_orders, widen
+from core.decode.balance import balance
 from core.decode.codes import codes_alone, refine_codes
 from core.decode.compressed import COMPRESSED, roughness
 from core.decode.curves import LEVELS
@@ -37,7 +38,6 @@ from core.decode.plan import plan_axis
 from core.decode.response import Response, Wave, shade, straighten, waves_of
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
-    balance,
     bent_squares,
     check_duplicates,
     full_scale,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,7 +20,7 @@ from core.decode.noise import (
 )
 from core.decode.options import DecodeOptions
 from core.decode.response import Wave
-from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, make_rows, modulation_of, sums_of
+from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
 from core.decode.words import BLURRED
 from core.errors import InputError
 from core.numerics import quantile_of
@@ -44,10 +43,6 @@ USUAL = 0.6  # part of the usual contrast that a code alone must have
 RESOLVED = 0.15  # part of the whole contrast that a fine bit must have in the mean for its sign to tell anything
 BY_NOISE = 1.1  # of its standard deviation: noise alone shows 0.8 in the mean
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
-AROUND = 0.03  # part of the pixels to either side of the median that tell the middle between on and off
-FEW_CELLS = 7  # of a code, as many as alike would be seen as often: of fewer the finest bit may be on in more than half
-OFF, FARTHEST = 0.1, 0.7  # of half the contrast: nearer to the middle a threshold stays; farther is black or white
-SHARP = 0.3  # of half the contrast, by which these differ where the median may be anywhere between the levels
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
 
@@ -318,32 +313,6 @@ def limits_of(noise: Noise, saturation: float, options: DecodeOptions, tables: S
     dimmest = max(options.min_modulation, options.min_snr * float(np.sqrt(cofactor * noise.unlit)))
     values = (*noise[:3], options.min_snr, dimmest, saturation, options.bit_margin, noise.misfit)
     return Limits(*(np.float32(value) for value in values))
-
-
-def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
-    """Move the threshold of a code without phases or inverse bits to where the finest bits are on in half the
-    pixels: light halfway between black and white is not halfway between their grey values if the camera has a gamma."""
-    if len(table.period) or not (table.has_threshold and table.has_contrast and table.sign.all()):
-        return table
-    threshold, contrast, *bits = sums_of(table.rows, sample)
-    lit = contrast > 5 * np.sqrt(noise.variance(threshold))
-    if lit.sum() < FEWEST:
-        return table
-    levels = np.stack(bits)[:, lit] + table.sign[:, None] * threshold[lit]
-    cells = np.unique(2.0 ** np.arange(len(levels)) @ (levels > 0), return_counts=True)[1]
-    part = levels[-1] / contrast[lit]
-    lower, low, high, upper = np.quantile(part, (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
-    middle = -table.sign[-1] * float(low + high) / 2
-    few = np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2) and upper - lower > SHARP
-    if few or high - low > SHARP or not OFF <= abs(middle) <= FARTHEST:
-        return table
-    rows = [
-        {f: float(v) for f, v in zip(table.rows.column[a:b].tolist(), table.rows.value[a:b], strict=True)}
-        for a, b in itertools.pairwise(table.rows.first.tolist())
-    ]
-    for frame, value in rows[1].items():
-        rows[0][frame] = rows[0].get(frame, 0.0) + middle * value
-    return table._replace(rows=make_rows(rows))
 
 
 def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
