@@ -11,7 +11,7 @@ from core.capture.plan import Plan
 from core.lazy import dataclass
 from core.model import Array
 from core.model.finding import Finding, Level
-from core.numerics import distinct, quantile_of, quantiles, row_median, sigma_about_median
+from core.numerics import distinct, quantile_of, quantiles_in, row_median, sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 
 SAMPLES = 100_000
@@ -28,7 +28,8 @@ class Sampled:
     """The grey values of all shots at a hundred thousand pixels.
 
     `grey` is (shots, n); `at` (2, n) holds the rows and columns of the pixels; `white`, `black` (n,) the brightest and
-    darkest light, `noise` the standard deviation of a grey value. `full` is the grey value of saturation.
+    darkest light, `noise` the standard deviation of a grey value. `full` is the grey value of saturation. `ordered`
+    holds the grey values without those of guards, ascending at each pixel.
     """
 
     grey: Array
@@ -38,6 +39,7 @@ class Sampled:
     black: Array
     noise: float
     full: int
+    ordered: Array
 
     @property
     def lit(self) -> NDArray[np.bool_]:
@@ -67,8 +69,8 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     level of all shots.
     """
     shots = plan.shots
-    own = grey[list(plan.own)]
-    high, low = quantiles(own, 0.9, 0.1)
+    ordered = np.sort(grey[list(plan.own)], axis=0)
+    high, low = quantiles_in(ordered, 0.9, 0.1)
     whites = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 1]
     blacks = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 0]
     white = row_median(np.transpose([*whites, high])) if whites else high
@@ -86,7 +88,7 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
         bright = white - black > max(10 * noise, 0.02 * full)  # where the light is, the noise is greater
         if bright.any() and pairs:
             noise = min(_noise(a[bright], b[bright]) for a, b in pairs)
-    return Sampled(grey, at, shape, white, black, max(noise, 0.3), full)  # 0.3: rounding to whole grey values
+    return Sampled(grey, at, shape, white, black, max(noise, 0.3), full, ordered)  # 0.3: rounding to whole grey values
 
 
 def saturation(sampled: Sampled) -> Finding:

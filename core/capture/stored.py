@@ -25,7 +25,7 @@ from core.capture.quality import BRIGHT, Sampled, summarise
 from core.capture.unchanging import unchanging
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
-from core.numerics import median_of, quantile_of, quantiles, ranked
+from core.numerics import median_of, quantile_of, quantiles_in, ranked
 from core.patterns import Axis, Code, Line, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
@@ -129,7 +129,7 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     full = 255 if images[0].dtype == np.uint8 else 2 ** max(8, int(max(i.max() for i in images)).bit_length()) - 1
     found = summarise(plan, grey, at, (height, width), full)
     # a frame that only claims to be white is no measure of brightness, and light sections are bright in few frames
-    bright = grey.max(axis=0) if any(isinstance(p, Line) for p in plan.shots) else quantiles(grey, 0.9)[0]
+    bright = grey.max(axis=0) if any(isinstance(p, Line) for p in plan.shots) else quantiles_in(found.ordered, 0.9)[0]
     return replace(found, white=np.maximum(found.white, bright))
 
 
@@ -154,7 +154,7 @@ def _light(sampled: Sampled, board: bool) -> list[Finding]:
 
 def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
     """White frames must be bright and black ones dark, where the others vary."""
-    bright, dark = quantiles(sampled.grey, 0.85, 0.1)
+    bright, dark = quantiles_in(sampled.ordered, 0.85, 0.1)
     contrast = bright - dark
     chosen = contrast > max(0.05 * sampled.full, quantile_of(contrast, 0.8))
     if chosen.sum() < LEAST_LIT:
@@ -272,7 +272,7 @@ def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
         valid = np.flatnonzero(np.isfinite(values))
         if len(valid) < 2000:
             continue
-        chosen = valid[np.random.default_rng(0).integers(0, len(valid), 600)]
+        chosen = valid[scattered(len(valid), 600)]
         y, x = np.divmod(chosen, values.shape[1])
         lines = values.ravel()[chosen].astype(np.float64)
         limit = max(PLANE_LINES, 0.02 * (quantile_of(lines, 0.95) - quantile_of(lines, 0.05)))
@@ -295,7 +295,7 @@ def _off_projective(x: NDArray, y: NDArray, u: NDArray, count: int) -> NDArray:
     """Distances in lines from the projective function that the most pixels agree on."""
     one = np.ones_like(x)
     A = np.stack([one, x, y, -u * x, -u * y], axis=1)
-    draws = np.random.default_rng(0).integers(0, len(u), (count, 5))
+    draws = scattered(len(u), 5 * count).reshape(count, 5)
     p = (np.linalg.pinv(A[draws]) @ u[draws][..., None])[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.abs(p[:, :3] @ A[:, :3].T / (1 + p[:, 3:] @ A[:, 1:3].T) - u)
@@ -325,8 +325,9 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
         return []
     side = int(np.clip(min(even[0].shape) // 64 * 64, 64, 512))  # OpenCV is half a pixel off at odd sizes
     a, b = (np.asarray(cv2.resize(e, (side, side), interpolation=cv2.INTER_AREA), np.float32) for e in even)
-    lit = np.flatnonzero(a > 0.1 * quantile_of(a[::4, ::4], 0.98))[::16]
-    gain = median_of(b.ravel()[lit]) / max(median_of(a.ravel()[lit]), 1e-9)
+    few = [each.ravel()[::17] for each in (a, b)]  # which meets every column
+    lit = few[0] > 0.1 * quantile_of(a[::4, ::4], 0.98)
+    gain = median_of(few[1][lit]) / max(median_of(few[0][lit]), 1e-9)
     if abs(gain - 1) > DRIFT:
         text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
         return [Finding("lamp", "warning", text, {"drift": gain - 1})]

@@ -40,7 +40,12 @@ def quantiles(values: Array | Floats, *shares: float) -> list[Array]:
     >>> quantiles(np.array([[4.0, 0.0], [0.0, 10.0], [1.0, 5.0]]), 0.5, 0.75)
     [array([1., 5.]), array([2.5, 7.5])]
     """
-    ordered = np.sort(values, axis=0)
+    ordered: Array = np.sort(values, axis=0)
+    return quantiles_in(ordered, *shares)
+
+
+def quantiles_in(ordered: Array | Floats, *shares: float) -> list[Array]:
+    """The same of columns that are in ascending order."""
     last = len(ordered) - 1
     places = [share * last for share in shares]
     return [(1 - at % 1) * ordered[int(at)] + at % 1 * ordered[min(int(at) + 1, last)] for at in places]
