@@ -19,6 +19,9 @@ SMOOTH = 0.02  # of the targets' spacing: what a surface through them leaves may
 ALONG = 0.9  # cosine between the XY plane's normal and the targets' own where these are said to be in that plane
 
 
+_KNOWN: dict[bytes, Array] = {}  # by the targets: many captures share a board
+
+
 def tangents(xyz_mm: Array) -> Array:
     """Two orthogonal unit vectors along the board at every target, shape (n, 3, 2).
 
@@ -33,6 +36,10 @@ def tangents(xyz_mm: Array) -> Array:
      [0.    1.   ]
      [0.08  0.   ]]
     """
+    if (known := _KNOWN.get(key := xyz_mm.tobytes())) is not None:
+        return known
+    if len(_KNOWN) > 7:
+        _KNOWN.clear()
     centred = xyz_mm - xyz_mm.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1].T[::-1]
     if abs(axes[2, 2]) > ALONG:
@@ -46,7 +53,9 @@ def tangents(xyz_mm: Array) -> Array:
         if np.std(z - A @ fit) < SMOOTH * spacing:
             slopes = fit @ np.array([[none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]])
     surface = np.array([[one, none, slopes[0]], [none, one, slopes[1]]]).transpose(2, 1, 0)
-    return np.asarray(axes.T @ np.linalg.qr(surface)[0])
+    _KNOWN[key] = found = np.asarray(axes.T @ np.linalg.qr(surface)[0])
+    found.flags.writeable = False
+    return found
 
 
 def eccentricity(
