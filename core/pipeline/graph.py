@@ -88,6 +88,14 @@ class Graph(Holdings):
         self.contents.keep()
         return ProjectStates(self._with_failures({stage: stages[stage] for stage in STAGES}), by_capture)
 
+    def of_results(self) -> ProjectStates:
+        """Compute what evaluating and reporting tell of: the calibrations, and the evaluation with its planes."""
+        _, calibrate = self._calibrate()
+        planes, evaluate = self._evaluate()
+        self.contents.keep()
+        stages = self._with_failures({"calibrate": calibrate, "evaluate": evaluate})
+        return ProjectStates(stages, {name: {"evaluate": state} for name, state in planes.items()})
+
     def _decode(self, name: str) -> State:
         capture = self.read[name]
         if not isinstance(capture, Capture):

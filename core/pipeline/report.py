@@ -150,9 +150,9 @@ def _planes(project: Project, progress: Progress) -> tuple[PlaneEvaluation, ...]
     """Evaluate all planes, or take the evaluation there is if it is of just them as they are."""
     if not captures_of(project, "plane"):
         return ()
-    states = project_states(project)
+    states = Graph(project).of_results()
     if states.stages["evaluate"].state == "current" and all(
-        of["evaluate"].state == "current" for of in states.captures.values() if "evaluate" in of
+        of["evaluate"].state == "current" for of in states.captures.values()
     ):
         with suppress(InputError):  # damaged: made anew
             return load_evaluation(project)
@@ -166,7 +166,7 @@ def outdated_words(project: Project, method: Method | None = None) -> tuple[str,
     """
     if method is not None:
         return Graph(project).of_calibrations([method])
-    states = project_states(project)
+    states = Graph(project).of_results()
     return states.outdated("calibrate") or states.outdated("evaluate")
 
 
