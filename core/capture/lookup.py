@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from core.compiling import njit
 from core.lazy import dataclass
+from core.numerics import median_of
 from core.patterns import Pattern, brightness
 
 Array = NDArray[np.float32]
@@ -184,10 +185,10 @@ def _denied(clear: NDArray[np.bool_], agrees: NDArray[np.bool_]) -> tuple[bool, 
 
 def _unlike(seen: Array, expected: Array, tolerance: Array, sure: NDArray[np.bool_]) -> tuple[bool, bool]:
     """Whether enough pixels should vary and the frame does not with them; by medians, as some words are wrong."""
-    if sure.sum() < ENOUGH:
+    if np.count_nonzero(sure) < ENOUGH:
         return False, False
-    noise = float(np.median(tolerance[sure])) + 0.03
-    spread = float(np.median(np.abs(expected[sure] - np.median(expected[sure]))))
+    own, noise = expected[sure], median_of(tolerance[sure]) + 0.03
+    spread = median_of(np.abs(own - median_of(own)))
     if spread < 2 * noise:
         return False, False
-    return True, float(np.median(np.abs(seen[sure] - expected[sure]))) > UNLIKE * spread + noise
+    return True, median_of(np.abs(seen[sure] - own)) > UNLIKE * spread + noise
