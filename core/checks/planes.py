@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Array, Concern, Floats, PlaneEvaluation
-from core.numerics import sigma_by_median
+from core.numerics import median_of, sigma_by_median
 
 WINDOW = 40.0  # the low pass's standard deviation is the image's larger side over this
 SMOOTH_SIDES = 4.0  # of the squares that tell the low pass lie in its standard deviation
@@ -227,7 +227,7 @@ def _against_axis(normals: Array, given: Array) -> tuple[list[int], float, bool]
     for k, way in product(range(len(given)), (1, -1)):
         zero = turned - way * given
         others, angles = np.delete(zero, k), np.delete(given, k)
-        off = abs(float(zero[k] - np.median(others)))
+        off = abs(float(zero[k]) - median_of(others))
         if np.ptp(others) <= OWN_ANGLE_DEG and np.ptp(angles) > MOST_ANGLE_DEG and off > MOST_ANGLE_DEG:
             odd.append((k, off, abs(off - 2 * abs(given[k])) <= OWN_ANGLE_DEG))
     if len(given) == 3:  # two agree about some axis by chance: only a sign can be told
@@ -245,7 +245,7 @@ def _methods(evaluations: Sequence[PlaneEvaluation]) -> list[Concern]:
     concerns = []
     for (first, a), (second, b) in pairwise(on_axis.items()):
         names = [name for name in a if name in b]
-        middle = float(np.median([b[name] / a[name] - 1 for name in names])) if names else 0.0
+        middle = median_of([b[name] / a[name] - 1 for name in names]) if names else 0.0
         if abs(middle) > APART:
             text = (
                 f"the planes of both methods are {abs(middle):.1%} of their distance apart ({', '.join(names[:4])}), "

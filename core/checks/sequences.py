@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from core.model import Array, Capture, Concern, DeviceSpec, Floats, TargetSet
+from core.numerics import median_of
 from core.patterns import Code
 
 End = tuple[int, float] | None  # a line, and where in the image it lies
@@ -43,7 +44,7 @@ def light_end(lines: Floats) -> End:
         line = int(np.argmax(np.convolve(count, [1, 1], "valid"))) if len(count) > 1 else 0
         own = (at >= line) & (at < line + 2)
         if own.sum() > OFTEN * len(some) and np.mean(some[valid] > line + 3) < BEYOND:
-            found.append((int(own.sum()), line + 1, float(np.median(columns[own])) / some.shape[1]))
+            found.append((int(own.sum()), line + 1, median_of(columns[own]) / some.shape[1]))
     return max(found)[1:] if found else None
 
 

@@ -11,7 +11,7 @@ from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import pair_for, perturbed
 from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
-from core.numerics import distinct, median_of, sigma_by_median
+from core.numerics import distinct, median_of, row_median, sigma_by_median
 from core.orient.equations import Equations, Estimate, Places, robust_estimate
 from core.orient.freedom import (
     DEFAULT,
@@ -137,7 +137,7 @@ def find_motion(
             break
         options = replace(options, stretch=options.stretch * found.stretch)
     estimate, shown, now, corrected = found.estimate, found.shown, turned.now, found.corrected
-    by_depth = -np.median(now.by_xyz[:, 2], axis=0)
+    by_depth = -row_median(now.by_xyz[:, 2].T)
     return RigMotion(
         capture=capture,
         moved=bool(found.p < options.significance),
@@ -145,7 +145,7 @@ def find_motion(
         rotation_rad=(free.moves @ estimate.x)[:3],
         shift_mm=(free.moves @ estimate.x)[3:],
         covariance=found.covariance,
-        depth_change_mm=float(np.median(start.xyz_mm[:, 2] - now.xyz_mm[:, 2])),
+        depth_change_mm=median_of(start.xyz_mm[:, 2] - now.xyz_mm[:, 2]),
         depth_sigma_mm=float(np.sqrt(by_depth @ corrected.covariance @ by_depth)),
         pixels=len(sight.at) * side**2,
         residual_rms=_of_pixels(start.e, side),

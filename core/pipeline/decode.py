@@ -22,7 +22,7 @@ from core.progress import SILENT, Progress
 from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
 
 T = TypeVar("T")
-MANY = 8  # captures that are worth processes, each of which works out for itself what all captures share
+MANY = 4  # captures that are worth processes, each of which works out for itself what all captures share
 
 
 def decode_capture(
@@ -119,14 +119,21 @@ def phase_maps(
 
 
 def from_phase_maps(
-    project: Project, captures: Iterable[Capture], what: Callable[[Capture, PhaseMap], T], progress: Progress = SILENT
+    project: Project,
+    captures: Iterable[Capture],
+    what: Callable[[Capture, PhaseMap], T],
+    progress: Progress = SILENT,
+    modules: Sequence[str] = (),
 ) -> Generator[tuple[Capture, T]]:
-    """Decode captures as `phase_maps` does and give what is made of each; on processes where that is safe."""
+    """Decode captures as `phase_maps` does and give what is made of each; on processes where that is safe.
+
+    `modules` are those that `what` imports.
+    """
     waiting = [series for capture in captures for series in capture.series]
     if len(waiting) < MANY or not can_fork(len(waiting)):
         yield from ((capture, what(capture, phase)) for capture, phase in phase_maps(project, waiting, progress))
         return
-    for name in ("core.decode.absolute", "core.capture.stored"):
+    for name in ("core.decode.absolute", "core.capture.stored", *modules):
         import_module(name)  # once, not by every process
 
     def work(k: int, said: Progress) -> T:

@@ -42,6 +42,7 @@ from core.project.lock import read_only, writing_results
 
 TOGETHER = "all devices"  # in place of the projector, where all that saw a point made it
 CAMERAS = "all cameras"  # where no projector is calibrated
+MODULES = ("core.evaluate.planes", "core.orient.motion", "core.reconstruct.points", "numpy.random")
 COMPARED = 3  # frames of planes that stand at one place
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
 
@@ -117,7 +118,7 @@ def _judge(
     found: list[Row] = []
     ends: dict[tuple[str, str], dict[str, Any]] = {}
     seen: dict[str, list[PhaseMap]] = {}
-    for capture, (phase, pair, end, rows) in from_phase_maps(project, planes, by_pair, progress):
+    for capture, (phase, pair, end, rows) in from_phase_maps(project, planes, by_pair, progress, MODULES):
         found += rows
         ends.setdefault(pair, {})[capture.name] = end
         if phase is not None:
