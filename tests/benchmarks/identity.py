@@ -1,6 +1,6 @@
-"""`python -m tests.benchmarks.identity [KIND ...] [--boards N] [--first K] [--sets N]`: who is who, without picks.
+"""`python -m tests.benchmarks.identity [KIND ...] [--boards N] [--first K] [--tilt T] [--sets N]`: who is who.
 
-Every kind of board as the program prints it, photographed through OpenCV's camera: a quarter hidden, tilted up to 60°,
+Every kind of board as the program prints it, photographed through OpenCV's camera: a quarter hidden, tilted T to 60°,
 blurred up to 1.2 px, the light falling to a third. Told: all targets are who they are. Turned: the board looks the same
 another way round, which is among the ways offered. Wrong: any other name. `--sets`: that many sets of eight images of
 symmetric boards, each with irregularities of its own; `solve_turns` tells how they were held, all as they are or all
@@ -42,10 +42,10 @@ def outcome(field: Testfield, found: TargetSet, truth: np.ndarray) -> str:
     return "told" if np.linalg.norm(found.camera_uv - truth[at], axis=1).max() < NEAR_PX else "wrong"
 
 
-def one_board(name: str, board: Printed, number: int) -> tuple[str, float, str]:
+def one_board(name: str, board: Printed, number: int, least: float) -> tuple[str, float, str]:
     """What became of one board, the share of all targets that was measured, and what was special."""
     rng = np.random.default_rng([number, sum(map(ord, name))])
-    tilt, light = rng.uniform(0, 60), rng.uniform(1, 3)
+    tilt, light = rng.uniform(least, 60), rng.uniform(1, 3)
     image, truth = photograph(
         board, rng, tilt, hidden=True, blur=(0.4, 1.2), light=light, grey=GREY.get(name, (15.0, 165.0))
     )
@@ -104,6 +104,7 @@ def main() -> None:
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"of {', '.join(FIELDS)}; all if unsaid")
     parser.add_argument("--boards", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--tilt", type=float, default=0.0, help="least tilt, degrees")
     parser.add_argument("--sets", type=int, default=0, help="sets of eight images instead of boards")
     options = parser.parse_args()
     numbers = range(options.first, options.first + (options.sets or options.boards))
@@ -122,7 +123,7 @@ def main() -> None:
         results: Counter[str] = Counter()
         shares: list[float] = []
         for number in numbers:
-            what, share, about = one_board(name, board, number)
+            what, share, about = one_board(name, board, number, options.tilt)
             results[what] += 1
             shares.append(share)
             if what in ("not recognised", "wrong"):
