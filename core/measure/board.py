@@ -51,7 +51,8 @@ def board_from_testfield(field: Testfield) -> Board:
 
 def _checked(field: Testfield) -> Board:
     where = "testfield.csv"
-    xyz, diameter = np.asarray(field.xyz_mm, np.float64), np.asarray(field.diameter_mm, np.float64)
+    # a copy, as fields may be read-only: compiled loops then see arrays of one kind
+    xyz, diameter = np.array(field.xyz_mm, np.float64, order="C"), np.asarray(field.diameter_mm, np.float64)
     n = len(field.row)
     if n < 4:
         raise InputError(where, f"{n} targets", "a testfield needs at least 4")
@@ -86,7 +87,7 @@ def _checked(field: Testfield) -> Board:
         xyz_mm=flat,
         radius_mm=diameter / 2,
         spacing_mm=distance,
-        neighbours=order[:, 1:],
+        neighbours=np.ascontiguousarray(order[:, 1:]),
         index=index,
         has_front=has_front,
     )
