@@ -1,4 +1,4 @@
-"""The thresholds of codes without phases and inverse frames, where they are not halfway between white and black.
+"""The thresholds of codes without inverse frames, where they are not halfway between white and black.
 
 A camera's gamma moves what half the light shows, of all bits alike. A projector may show stripes darker than the white
 field - its lamp follows the picture, its lens scatters, its lines are finer than it can show -, each bit by another
@@ -20,6 +20,7 @@ AROUND = 0.03  # part of the pixels to either side of the median that tell the m
 FEW_CELLS = 7  # of a code, as many as alike would be seen as often: of fewer a bit may be on in more than half
 SHARP = 0.3  # of half the contrast, by which these differ where the median may be anywhere between on and off
 LEVEL = 0.8  # of half the contrast, between the quartiles of what is nearly one level
+ASKEW = 0.8  # of the way from one quartile to the other, by which these lie askew about the median
 OFF, FARTHEST = 0.1, 0.7  # of half the contrast: nearer to the middle a threshold stays; farther is black or white
 APART = 0.6  # of half the contrast, by which on and off of a bit differ at least
 SEEN = 0.05  # part of the pixels that must show a level
@@ -27,7 +28,7 @@ SEEN = 0.05  # part of the pixels that must show a level
 
 def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
     """Move the thresholds of such a code to the middle between on and off; `sample` is grey values (frames, n)."""
-    if len(table.period) or not (table.has_threshold and table.has_contrast and table.sign.all()):
+    if table.lift != 0 or not (table.has_threshold and table.has_contrast and table.sign.all()):
         return table
     threshold, contrast, *bits = sums_of(table.rows, sample)
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
@@ -36,7 +37,7 @@ def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
     bright = contrast > BRIGHT * np.quantile(contrast[lit], 0.98)  # of dim ones, grey values are as steps
     lit = bright if bright.sum() >= FEWEST else lit
     shown = np.stack(bits)[:, lit] + table.sign[:, None] * threshold[lit]
-    middles = _middles(-table.sign[:, None] * shown / contrast[lit])
+    middles, swing = _middles(-table.sign[:, None] * shown / contrast[lit])
     if np.abs(middles).max() < OFF:
         return table
     rows = [
@@ -48,20 +49,25 @@ def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
         row = rows[number + (number > 0)]
         for frame, value in rows[1].items():
             row[frame] = row.get(frame, 0.0) + float(move) * value
+    if len(table.period):  # without phases, too, the bits tell what contrast they have (sample.measure_fading)
+        rows[1] = {frame: swing * value for frame, value in rows[1].items()}
     return table._replace(rows=make_rows(rows))
 
 
-def _middles(levels: Singles) -> Array:
-    """The level between on and off of every bit; 0 is halfway between white and black, 1 half their difference.
+def _middles(levels: Singles) -> tuple[Array, float]:
+    """The level between on and off of every bit, and half of what they differ by in coarse ones.
 
-    `levels` are (bits, n), the coarsest first. From the finest on, that is the median, as long as it is steady; of
-    coarser bits it lies as far from their own on and off as that of the last from those of the first of these.
+    0 is halfway between white and black, 1 half their difference. `levels` are (bits, n), the coarsest first. From the
+    finest on, that is the median, as long as it is steady; of coarser bits it lies as far from their own on and off as
+    that of the last from those of the first of these.
     """
     middles, known = np.zeros(len(levels)), len(levels)
     for bit in reversed(range(len(levels))):
         lower, low, high, upper = np.quantile(levels[bit], (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
         wide = upper - lower > LEVEL and bit < len(levels) - 1  # or only the finest tells what a gamma does
-        if wide or high - low > SHARP or abs(low + high) > 2 * FARTHEST or _few(levels[: bit + 1], upper - lower):
+        askew = abs(lower + upper - low - high) > ASKEW * (upper - lower) > ASKEW * SHARP  # it is on or off itself
+        anywhere = high - low > SHARP or abs(low + high) > 2 * FARTHEST
+        if wide or askew or anywhere or _few(levels[: bit + 1], upper - lower):
             break
         middles[bit], known = (low + high) / 2, bit
     off, on, part = -1.0, 1.0, 0.5
@@ -75,7 +81,7 @@ def _middles(levels: Singles) -> Array:
         if bit == known - 1 and known < len(levels):
             part = float(np.clip((middles[known] - off) / (on - off), 0.1, 0.9))
         middles[bit] = off + part * (on - off)
-    return middles
+    return middles, (on - off) / 2
 
 
 def _few(levels: Singles, spread: float) -> bool:
