@@ -75,7 +75,7 @@ DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
 AXES: tuple[Axis, Axis] = ("x", "y")
 MISSING = Flag.NO_U, Flag.NO_V  # by axis
-MOST = 0.5  # part of the coordinates whose orders stay open, from which that is why they are lost
+MOST = 0.5  # part of the coordinates lost to contradictions, from which it is orders that a second way leaves open
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
@@ -284,7 +284,9 @@ def _mend(
     detour = part is not None and table.start == PHASES
     if apart is not None:
         mine = u, sigma, flags, missing
-        detour |= refuse_open_orders(images, table, telling, sequence.image_rows, apart.turns, mine) > MOST
+        refused = refuse_open_orders(images, table, telling, sequence.image_rows, apart.turns, mine)
+        contrary = int(Flag.DISAGREEMENT | missing)
+        detour |= refused > MOST * int(np.count_nonzero(flags & np.uint8(contrary) == contrary))
     known = np.isfinite(sigma[taken])
     told = () if part is None else note_on_second_light(part, sigma[taken][known] > MUCH * alone[known])
     return _Doubt(told, detour)

@@ -44,8 +44,8 @@ class Contradiction(NamedTuple):
     """Of tiles of the image, float32 (TILES, TILES): variances beyond noise.
 
     `lines` is that of the coordinate (lines²). `turns` is that of a phase (turns²) within `REACH` of tiles whose orders
-    it leaves open, and 0 elsewhere. `part` is how much light comes by a second way, of what comes straight, if that is
-    shown.
+    it leaves open, but for sound ones that others join with the rest, and 0 elsewhere. `part` is how much light comes
+    by a second way, of what comes straight, if that is shown.
     """
 
     lines: Singles
@@ -88,7 +88,7 @@ def contradiction(
     few = np.isfinite(tiles).sum(axis=1).reshape(4, TILES, TILES)[0] < FEWEST
     whole = row_median(seen)
     shown_anywhere = whole[0] > SHOWN * MEDIAN_OF_SQUARE
-    left_open, astray = _left_open(pairs, table, turns, variance, lit)
+    left_open, astray, sound = _left_open(pairs, table, turns, variance, lit)
     part = None
     if plain[0] and plain[1]:
         white, black = ([shown[n].ravel() for n in some] for some in plain)
@@ -109,7 +109,18 @@ def contradiction(
     turned = np.nan_to_num(np.where(left_open, _beyond(medians) / of_both, 0.0))
     turned = np.maximum(turned, np.where(astray, CERTAINLY**2 / table.step_error[-1].sum(), 0.0)).astype(np.float32)
     around = np.asarray(cv2.dilate(turned, np.ones((REACH, REACH), np.uint8)), np.float32)
+    around[_joined(sound & ~left_open, around == 0)] = 0
     return Contradiction(np.where(shown_anywhere | left_open, lines, 0.0).astype(np.float32), around, part)
+
+
+def _joined(sound: NDArray[np.bool_], beyond: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Sound tiles (TILES, TILES) that others join with most of those beyond the reach of all that leaves orders open.
+
+    What bends phases changes steadily: it does not pass half a turn from tile to tile without leaving orders open.
+    """
+    _, part = cv2.connectedComponents(sound.astype(np.uint8), connectivity=4)
+    largest = np.bincount(part[sound & beyond], minlength=1).argmax()
+    return sound & (part == largest)
 
 
 def _own(difference: Singles, noise: Singles, turns: Singles, place: Singles) -> Singles:
@@ -140,20 +151,22 @@ def _own(difference: Singles, noise: Singles, turns: Singles, place: Singles) ->
 
 def _left_open(
     pairs: Pairs, table: AxisTable, turns: Singles, variance: Singles, lit: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """In which tiles (TILES, TILES) more steps nearly round to the next order than noise explains; and where the most.
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """In which tiles (TILES, TILES) more steps nearly round to the next order than noise explains; where the most; and
+    which have few of their own.
 
     By how much a step rounds should be about 0, and scatter no more than two of a pair differ.
     """
     if table.start != PHASES:
-        return (np.zeros((TILES, TILES), bool),) * 2
+        return (np.zeros((TILES, TILES), bool),) * 3
     rounded, far, chance = _rounded(table, turns, variance)
     sums = [np.where(lit, each, 0).reshape(pairs.in_tiles).sum(axis=(1, 3)) for each in (far, chance, 1)]
     halfway, by_chance, count = (cv2.blur(each.astype(np.float64), (3, 3)) * 9 for each in sums)
+    sound = (count >= ENOUGH) & (sums[0] <= OPEN * sums[2])
     left_open = (count >= ENOUGH) & (halfway > OPEN * count + CHANCE * by_chance)
     astray, several = np.zeros_like(left_open), halfway > OPEN * count
     if not several.any():
-        return left_open, astray
+        return left_open, astray, sound
     both = np.logical_and(*pairs.split(lit))
     number = pairs.around(both)
     for away in rounded:
@@ -162,7 +175,7 @@ def _left_open(
         mean, alike = (pairs.around(each * both) / np.maximum(number, 1) for each in ((c + d) / 2, c * d + s * t))
         astray |= (number >= ENOUGH) & (alike > CLEAR) & (np.maximum(mean, 0) ** 2 < ASTRAY * alike)
     astray &= several
-    return left_open | astray, astray
+    return left_open | astray, astray, sound
 
 
 def _rounded(table: AxisTable, turns: Singles, variance: Singles) -> tuple[list[Singles], Array, Array]:
@@ -195,15 +208,15 @@ def refuse_open_orders(
     image_rows: Rows,
     turns: Singles,
     axis: tuple[Singles, Singles, np.ndarray, Flag],
-) -> float:
-    """Invalidate, in place, coordinates whose order a contradiction of the periods leaves open; give their share.
+) -> int:
+    """Invalidate, in place, coordinates whose order a contradiction of the periods leaves open; give their number.
 
     `turns`, (TILES, TILES), are of a `Contradiction`; `axis` has coordinates and sigmas in lines and flags, each (H,
     W), and `Flag.NO_U` or `Flag.NO_V`.
     """
     place, sigma, flags, missing = axis
     height, width = place.shape
-    valid, lost = int(np.isfinite(place).sum()), 0
+    lost = 0
     more = cv2.resize(turns, (width, height), interpolation=cv2.INTER_NEAREST)
     for top in range(0, height, ROWS):
         band = slice(top, min(top + ROWS, height))
@@ -217,7 +230,7 @@ def refuse_open_orders(
         row, column = row[~stand], column[~stand]
         invalidate(place, sigma, flags, (row, column), Flag.DISAGREEMENT | missing)
         lost += len(row)
-    return lost / max(valid, 1)
+    return lost
 
 
 def _beyond(medians: Array) -> Array:

@@ -26,7 +26,8 @@ MIXED = (
 )
 DETOUR = (
     "the periods contradict each other too much to count fringes: light reaches the surface by a second way, by gloss "
-    "or from a facing wall. Dull the surface, show more periods or add a code."
+    "or from a facing wall, or the camera has a gamma of its own. Dull the surface, switch gamma off, show more steps "
+    "and periods, or add a code."
 )
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 COMPARE = (

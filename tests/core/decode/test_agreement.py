@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from core.decode import Flag, decode
-from core.decode.agreement import REACH, TILES
+from core.decode.agreement import TILES
 from core.patterns import Pattern, Phase, gray_and_phase
 from tests.core.decode.conftest import Bench, field
 
@@ -61,6 +61,6 @@ def test_orders_that_a_contradiction_leaves_open_are_refused(bench: Callable[...
     phase = decode(patterns, taken(patterns, 0.1, direct), lines=(640, 480))
     valid, wrong = np.isfinite(phase.u), np.abs(phase.u - direct.u) > 2
     assert wrong.mean() < 5e-4  # 0.15 without the test
-    beyond = (REACH // 2 + 1) * HEIGHT // TILES
+    beyond = HEIGHT // TILES  # what tells it is taken over the tiles beside, too; two more were refused
     assert valid[: HEIGHT // 2 - beyond].mean() > 0.99
     assert np.mean(phase.flags[FOLDED][~valid[FOLDED]] & Flag.DISAGREEMENT > 0) > 0.5
