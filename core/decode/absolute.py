@@ -268,6 +268,7 @@ def _mend(
         take_ripple_out(u, sigma)
     if table.start == CODE and table.gray and not len(table.period):
         sigma_of_edges(u, sigma, float(table.cell), contrast, even, limits)
+        widen(sigma, np.min([roughness(u, sigma, apart, bounded=True) for apart in (1, 2, 3)], axis=0))
     plain = sequence.frames.white, sequence.frames.black
     apart = contradiction(images, table, telling, sequence.image_rows, plain, u)
     shown = [part for part in (second_light(images, table, limits, u), apart and apart.part) if part is not None]

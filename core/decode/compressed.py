@@ -14,6 +14,7 @@ from core.numerics import median_of, row_median
 
 APART = 4  # px between coordinates whose fourth differences show how rough they are: errors within a block are alike
 FOURTH = np.array([1, -4, 6, -4, 1], np.float32)
+STEP = 16.0  # times what is usual, squares from which a surface is seen to step: errors within cells have up to 11
 EVERY = 3  # so manieth row or column tells it
 COMPRESSED = (
     "The frames were compressed with losses (JPEG), which bends phases: sigma holds most of that, by how rough the "
@@ -21,14 +22,15 @@ COMPRESSED = (
 )
 
 
-def roughness(place: Singles, sigma: Singles, apart: int = APART) -> Singles:
+def roughness(place: Singles, sigma: Singles, apart: int = APART, bounded: bool = False) -> Singles:
     """By what variance (lines²) coordinates (H, W) so many pixels apart are rougher than their sigmas, in tiles.
 
     Across the stripes, along which blocks err alike; and no more than in most tiles beside, as surfaces, too, bend.
+    Errors that are `bounded`, as within cells, are not those whose median tells their mean square.
     """
     some = place[::EVERY, ::EVERY]
     if median_of(np.abs(np.diff(some, axis=0))) > median_of(np.abs(np.diff(some, axis=1))):
-        return np.ascontiguousarray(roughness(place.T, sigma.T, apart).T)
+        return np.ascontiguousarray(roughness(place.T, sigma.T, apart, bounded).T)
     place, square = place[::EVERY], np.square(sigma[::EVERY])
     bend, expected = np.full((2, *place.shape), np.nan, np.float32)
     count = place.shape[1] - 4 * apart
@@ -43,6 +45,10 @@ def roughness(place: Singles, sigma: Singles, apart: int = APART) -> Singles:
         at = slice(rows[i], rows[i + 1]), slice(columns[j], columns[j + 1])
         known = np.isfinite(bend[at])
         if np.count_nonzero(known) >= FEWEST:
-            found[i + 1, j + 1] = median_of(beyond[at][known]) - median_of(expected[at][known])
+            seen, usual = median_of(beyond[at][known]), median_of(expected[at][known])
+            if bounded:
+                square = np.square(bend[at][known])
+                seen = float(square[square < STEP * max(seen, usual)].mean())
+            found[i + 1, j + 1] = seen - usual
     beside = np.lib.stride_tricks.sliding_window_view(found / np.sum(np.square(FOURTH)), (3, 3)).reshape(-1, 9)
     return np.maximum(np.nan_to_num(row_median(beside)), 0).astype(np.float32).reshape(TILES, TILES)
