@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from core.model.finding import Finding
 from core.numerics import median_of
-from core.patterns import Axis, Code, Pattern
+from core.patterns import Axis, Code, Pattern, Phase
 
 Map = NDArray[np.floating]
 
@@ -37,13 +37,13 @@ def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map
         codes = [p for p in patterns if isinstance(p, Code) and p.axis == axis]
         if len({(p.cell, p.kind) for p in codes}) != 1:
             continue
-        cell = codes[0].cell
+        cell, stepped = codes[0].cell, any(isinstance(p, Phase) and p.axis == axis for p in patterns)
         ways = _both_ways(values, cell)
         share = _odd_cells(ways, cell) if codes[0].kind == "gray" else 0.0
         if share > ODD:
             text = f"{along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
             found.append(Finding("order", "bad", text, {"odd": share}, names="mistake"))
-        elif (share := _backwards(ways, cell)) > BACKWARDS:
+        elif stepped and (share := _backwards(ways, cell)) > BACKWARDS:
             text = f"{along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
             found.append(Finding("order", "bad", text, {"backwards": share}, names="mistake"))
     return found
