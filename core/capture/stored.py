@@ -30,7 +30,9 @@ from core.patterns import Axis, Code, Line, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
 
-SHARE = 0.12  # of the pixels that contradict themselves; sound captures have below 0.05
+# of the pixels that contradict themselves; sound captures have below 0.05, twice that where only what is dim beside
+# saturated light can be looked at
+SHARE = 0.12
 FEW = 200  # pixels that nearly always show it: half of that where it is 0.15 comes once in 15,000 captures
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
@@ -80,8 +82,10 @@ def check_stored(
             hint = f", or, as all frames reach from 0 to {sampled.full:g}, each stretched to its full range"
             named = [replace(f, text=f.text + hint) for f in named]
         found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
-        if not any(f.check in ("light", "saturation") for f in found):
-            found += _doubled(plan, images, sampled.noise) or _contradictions(plan, sampled, lines)
+        checks = {f.check for f in found}
+        if "light" not in checks:
+            doubled = [] if "saturation" in checks else _doubled(plan, images, sampled.noise)
+            found += doubled or _contradictions(plan, sampled, lines, SHARE * (1 + ("saturation" in checks)))
         found += _halves(plan, images)
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
@@ -170,7 +174,7 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
     return [Finding("identity", "bad", text, shots=(i,), names="value") for i, text in told]
 
 
-def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
+def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: float = SHARE) -> list[Finding]:
     contrast = sampled.white - sampled.black
     good = np.flatnonzero(sampled.bright)
     if len(good) < LEAST_LIT:
@@ -194,7 +198,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> lis
             share, left = left_unexplained(looked)
         if told := more_lines(looked, share, left):
             found.append(Finding("lines", "bad", told, {"contradicting": share}, names="mistake"))
-        elif share > SHARE:
+        elif share > most:
             along = "columns" if axis == "x" else "rows"
             text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
             cause, shot = explanation(plan, values, looked, share)

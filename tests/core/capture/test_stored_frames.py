@@ -283,6 +283,11 @@ def test_a_projector_declared_a_little_too_small_is_named(
     found = [f.text for f in check_stored(capture, images, None, lines)]
     words = "width" * (lines[0] < 160) + "height" * (lines[1] < 160)
     assert [words in text and "more than" in text for text in found] == [True] * (min(lines) < 160)
+    third = images[0].shape[1] // 3
+    clipped = [np.hstack([np.minimum(image[:, :third], 127) * 2 + 1, image[:, third:]]) for image in images]
+    dim = [f.text for f in check_stored(capture, clipped, None, lines)]  # where nothing is saturated
+    assert "saturated" in dim[0]
+    assert [words in text and "more than" in text for text in dim[1:]] == [True] * (min(lines) < 160)
 
 
 @pytest.mark.parametrize("quality", [90, 70, 50, None])
@@ -411,6 +416,16 @@ def test_exchanged_bits_are_told_of_objects_too_and_steps_of_depth_are_not(name:
     steps = np.repeat(rng.uniform(-40, 40, (9, 12)), 20, axis=0).repeat(20, axis=1)  # each along a line of the light
     u = 80 + 0.5 * (np.arange(240) - 120) + steps + rng.normal(0, 0.1, steps.shape)
     assert exchanged_frames(patterns, [("x", u.astype(np.float32), "columns")]) == []
+
+
+def test_a_code_alone_has_no_phase_steps_that_were_exchanged() -> None:
+    """Where a few cells are seen as their edges, coordinates may fall within them as they do where steps were."""
+    codes = [p for p in gray_and_phase("x", 128, cell=2, periods=[], steps=4) if isinstance(p, Code)]
+    place = np.arange(400) / 4
+    edges = np.tile(place - 2 * (place % 2) + 1, (60, 1)).astype(np.float32)
+    assert exchanged_frames(codes, [("x", edges, "columns")]) == []
+    stepped = gray_and_phase("x", 128, cell=2, periods=[4.0], steps=4)
+    assert "phase steps" in exchanged_frames(stepped, [("x", edges, "columns")])[0].text
 
 
 def test_shadow_and_scattered_light_are_no_contradiction_at_import() -> None:
