@@ -65,12 +65,15 @@ def _middles(levels: Singles) -> tuple[Array, float]:
     for bit in reversed(range(len(levels))):
         lower, low, high, upper = np.quantile(levels[bit], (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
         wide = upper - lower > LEVEL and bit < len(levels) - 1  # or only the finest tells what a gamma does
-        askew = abs(lower + upper - low - high) > ASKEW * (upper - lower) > ASKEW * SHARP  # it is on or off itself
-        anywhere = high - low > SHARP or abs(low + high) > 2 * FARTHEST
-        if wide or askew or anywhere or _few(levels[: bit + 1], upper - lower):
+        askew = abs(lower + upper - low - high) > ASKEW * (upper - lower) > ASKEW * APART  # it is on or off itself
+        middle = float(low + high) / 2
+        anywhere = high - low > SHARP or abs(middle) > FARTHEST
+        half = upper - lower < SHARP and _is_half(middle, levels[:bit], middles[known : known + 1])
+        if wide or askew or anywhere or (not half and _few(levels[: bit + 1])):
             break
-        middles[bit], known = (low + high) / 2, bit
-    off, on, part = -1.0, 1.0, 0.5
+        middles[bit], known = middle, bit
+    off, on, told = -1.0, 1.0, known == len(levels)
+    part = 0.5 if told else (middles[known] - off) / (on - off)
     for bit in reversed(range(known)):
         centre = (off + on) / 2
         dark, bright = levels[bit][levels[bit] <= centre], levels[bit][levels[bit] > centre]
@@ -78,13 +81,23 @@ def _middles(levels: Singles) -> tuple[Array, float]:
             (low, dim, near), (far, light, high) = (np.quantile(each, (0.25, 0.5, 0.75)) for each in (dark, bright))
             if max(near - low, high - far) < SHARP and light - dim > APART:  # no light by a second way among them
                 off, on = float(dim), float(light)
-        if bit == known - 1 and known < len(levels):
-            part = float(np.clip((middles[known] - off) / (on - off), 0.1, 0.9))
+                if not told:
+                    part, told = float(np.clip((middles[known] - off) / (on - off), 0.1, 0.9)), True
         middles[bit] = off + part * (on - off)
     return middles, (on - off) / 2
 
 
-def _few(levels: Singles, spread: float) -> bool:
+def _few(levels: Singles) -> bool:
     """Whether so few cells of these bits are seen that the last may be on in more than half of the pixels."""
     cells = np.unique(2.0 ** np.arange(len(levels)) @ (levels > 0), return_counts=True)[1]
-    return bool(np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2)) and spread > SHARP
+    return bool(np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2))
+
+
+def _is_half(level: float, coarser: Singles, finer: Array) -> bool:
+    """Whether a bit's single level is half the light, as blur leaves it, and not that of the only cell seen.
+
+    Coarser bits then show more light as well as less, and the next finer one the same half, or a darker one.
+    """
+    low, high = np.quantile(coarser, (SEEN, 1 - SEEN), axis=1)
+    between = low.min(initial=level) < level - APART / 2 and high.max(initial=level) > level + APART / 2
+    return bool(between and np.all((finer - OFF < level) & (level < np.maximum(finer, 0) + OFF)))

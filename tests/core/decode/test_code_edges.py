@@ -218,3 +218,58 @@ def test_sigma_holds_stripes_that_a_projector_of_fewer_lines_draws() -> None:
     error = (phase.u - u)[known] / phase.sigma_u[known]
     assert known.mean() > 0.9
     assert 0.8 < np.sqrt(np.mean(error**2)) < 1.25
+
+
+@pytest.mark.parametrize(
+    ("kind", "cell", "period", "first", "part"),
+    [("binary", 64, 128, 454.4, 0.6), ("gray", 64, 64, 134.4, 0.6), ("binary", 4, None, 56, 1.0)],
+)
+def test_bits_of_the_only_cells_seen_are_not_taken_for_half_lit(
+    kind: Literal["gray", "binary"], cell: int, period: int | None, first: float, part: float
+) -> None:
+    """Where few cells are seen, a bit's single level may be that of on, or of stripes that blur makes nearly dark.
+
+    The thresholds moved there: 3 % of the pixels decoded, or a quarter wrong.
+    """
+    lines = 640 if cell > 4 else 128
+    patterns = [White(), Black(), *gray_and_phase("x", lines, cell=cell, periods=[period] if period else [], kind=kind)]
+    u = np.linspace(first, first + (50 if period else 6), 320) + np.random.default_rng(0).uniform(-0.2, 0.2, (60, 1))
+    white, black, *others = Bench(u, lines=(lines, 1), blur=0.4 if period else 3.0, gain=90).take(patterns)
+    images = [white, black, *(np.rint(black + part * (1.0 * image - black)).astype(np.uint8) for image in others)]
+    phase = decode(patterns, images, lines=(lines, 1))
+    known = np.isfinite(phase.u)
+    assert known.mean() > 0.97
+    assert np.mean(np.abs(phase.u - u)[known] > 6 * phase.sigma_u[known]) < 0.001
+
+
+@pytest.mark.parametrize(("blur", "part"), [(0.7, 0.6), (1.0, 0.8)])
+def test_coarse_bits_are_dimmed_with_the_first_one_that_shows_on_and_off(blur: float, part: float) -> None:
+    """Between the bits that blur hides and those that are clear lie some that show neither.
+
+    Their thresholds then passed to the coarse ones with the wrong on and off: 6 % and 1 % of the pixels were wrong.
+    """
+    patterns = [White(), Black(), *gray_and_phase("x", 640, cell=1, periods=[])]
+    u = np.linspace(30, 600, 160) + np.random.default_rng(0).uniform(-0.5, 0.5, (40, 1))
+    white, black, *bits = Bench(u, lines=(640, 1), blur=blur, gain=180).take(patterns)
+    images = [white, black, *(np.rint(black + part * (1.0 * image - black)).astype(np.uint8) for image in bits)]
+    phase = decode(patterns, images, lines=(640, 1))
+    assert np.isfinite(phase.u).mean() > 0.99
+    assert np.nanmax(np.abs(phase.u - u) / phase.sigma_u) < 6
+
+
+def test_a_white_frame_may_be_saturated_on_two_thirds_of_the_object() -> None:
+    """Cut off, white hides that blurred bits are half lit; dark pixels see them so, and both have one threshold.
+
+    It stayed halfway, and a fifth of the pixels were wrong.
+    """
+    patterns = [White(), Black(), *gray_and_phase("x", 256, cell=1, periods=[])]
+    u = np.linspace(10, 200, 160) + np.random.default_rng(0).uniform(-0.5, 0.5, (80, 1))
+    bright, dark = (
+        Bench(u, lines=(256, 1), blur=2, gain=300 * light, ambient=30 * light, seed=seed).take(patterns)
+        for seed, light in enumerate((1.0, 0.5))
+    )
+    upper = np.arange(80)[:, None] < 25
+    phase = decode(patterns, [np.where(upper, b, a) for a, b in zip(bright, dark, strict=True)], lines=(256, 1))
+    known = np.isfinite(phase.u)
+    assert known.mean() > 0.99
+    assert np.mean(np.abs(phase.u - u)[known] > 6 * phase.sigma_u[known]) < 0.01
