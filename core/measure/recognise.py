@@ -97,10 +97,11 @@ def _reach(testfield: Testfield, camera: DeviceSpec, found: TargetSet, ways: Seq
     board = board_from_testfield(testfield)
     margin = MARGIN * float(board.spacing_mm.max()) * np.array([(1, 1, 0), (1, -1, 0), (-1, -1, 0), (-1, 1, 0)])
     around = (board.xyz_mm[:, None] + margin).reshape(-1, 3)
+    flat = replace(testfield, xyz_mm=board.xyz_mm)  # in the board's own plane, as is `around`
     inside = np.zeros((camera.height, camera.width), np.uint8)
     for way in ways:
         named = relabelled(found, way, testfield)
-        view = None if named is None else measured_view(testfield, camera, named)
+        view = None if named is None else measured_view(flat, camera, named)
         if view is not None:
             uv = view.project(around)
             outline = cv2.convexHull(np.clip(uv[np.isfinite(uv[:, 0])], -1e4, 1e5).astype(np.int32))

@@ -114,3 +114,12 @@ def test_neither_of_two_equal_boards_is_taken_silently(kind: str) -> None:
     both, camera = np.hstack([whole, part]), replace(SPEC, width=2 * SPEC.width)
     with pytest.raises(NotRecognisedError, match=r"two such boards are seen, .* cover one of them, or pick 4 targets"):
         recognise(phase_of(both), field_of(kind), camera)
+
+
+@pytest.mark.parametrize("kind", ["dots", "chessboard"])
+def test_a_board_whose_coordinates_are_tilted_is_no_second_one(kind: str) -> None:
+    """Where it reaches in the image was drawn without the tilt: two thirds of it were told as a second board."""
+    image, _ = photograph(board_of(kind), np.random.default_rng(5), 15, hidden=False)
+    field, turn = field_of(kind), np.array([[1, 0, 0], [0, 0.28, 0.96], [0, -0.96, 0.28]])
+    found, _ = recognise(phase_of(image), replace(field, xyz_mm=field.xyz_mm @ turn), SPEC)
+    assert len(found.row) > 0.95 * len(field.row)
