@@ -20,6 +20,7 @@ AROUND = 0.03  # part of the pixels to either side of the median that tell the m
 FEW_CELLS = 7  # of a code, as many as alike would be seen as often: of fewer a bit may be on in more than half
 SHARP = 0.3  # of half the contrast, by which these differ where the median may be anywhere between on and off
 LEVEL = 0.8  # of half the contrast, between the quartiles of what is nearly one level
+EDGES = 0.25  # part of the pixels that show neither on nor off, without which a median between these tells nothing
 ASKEW = 0.8  # of the way from one quartile to the other, by which these lie askew about the median
 OFF, FARTHEST = 0.1, 0.7  # of half the contrast: nearer to the middle a threshold stays; farther is black or white
 APART = 0.6  # of half the contrast, by which on and off of a bit differ at least
@@ -64,7 +65,8 @@ def _middles(levels: Singles) -> tuple[Array, float]:
     middles, known = np.zeros(len(levels)), len(levels)
     for bit in reversed(range(len(levels))):
         lower, low, high, upper = np.quantile(levels[bit], (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
-        wide = upper - lower > LEVEL and bit < len(levels) - 1  # or only the finest tells what a gamma does
+        between = np.mean(np.abs(levels[bit]) < 0.5)  # where many are, the finest tells what a gamma does
+        wide = upper - lower > LEVEL and (bit < len(levels) - 1 or between < EDGES)
         askew = abs(lower + upper - low - high) > ASKEW * (upper - lower) > ASKEW * APART  # it is on or off itself
         middle = float(low + high) / 2
         anywhere = high - low > SHARP or abs(middle) > FARTHEST
@@ -79,7 +81,8 @@ def _middles(levels: Singles) -> tuple[Array, float]:
         dark, bright = levels[bit][levels[bit] <= centre], levels[bit][levels[bit] > centre]
         if min(len(dark), len(bright)) > SEEN * len(levels[bit]):
             (low, dim, near), (far, light, high) = (np.quantile(each, (0.25, 0.5, 0.75)) for each in (dark, bright))
-            if max(near - low, high - far) < SHARP and light - dim > APART:  # no light by a second way among them
+            # no light by a second way among them, and off is dark: nor what blur makes of the only cell seen
+            if max(near - low, high - far) < SHARP and light - dim > APART and dim < -APART:
                 off, on = float(dim), float(light)
                 if not told:
                     part, told = float(np.clip((middles[known] - off) / (on - off), 0.1, 0.9)), True
