@@ -8,8 +8,10 @@ part. The sample tells both: blur leaves of fine bits a single level, half the l
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.decode.noise import Noise
 from core.decode.sample import FEWEST
@@ -21,9 +23,10 @@ FEW_CELLS = 7  # of a code, as many as alike would be seen as often: of fewer a 
 SHARP = 0.3  # of half the contrast, by which these differ where the median may be anywhere between on and off
 LEVEL = 0.8  # of half the contrast, between the quartiles of what is nearly one level
 EDGES = 0.25  # part of the pixels that show neither on nor off, without which a median between these tells nothing
-ASKEW = 0.8  # of the way from one quartile to the other, by which these lie askew about the median
+ASKEW = 0.6  # of the way from one quartile to the other, by which these lie askew about the median
 OFF, FARTHEST = 0.1, 0.7  # of half the contrast: nearer to the middle a threshold stays; farther is black or white
 APART = 0.6  # of half the contrast, by which on and off of a bit differ at least
+RANGE, ROUNDS = (0.02, 0.98), 2  # of a bit's levels, halfway in which on and off are first told apart; and then again
 SEEN = 0.05  # part of the pixels that must show a level
 
 
@@ -63,36 +66,54 @@ def _middles(levels: Singles) -> tuple[Array, float]:
     that of the last from those of the first of these.
     """
     middles, known = np.zeros(len(levels)), len(levels)
+    ordered = np.sort(levels, axis=1)
+    bottom, top = (_part(ordered, share)[:, None] for share in RANGE)
+    above = (levels > (bottom + top) / 2) & (top - bottom > APART)
+    between = np.mean(np.abs(2 * levels - bottom - top) < (top - bottom) / 2, axis=1)  # on and off
     for bit in reversed(range(len(levels))):
-        lower, low, high, upper = np.quantile(levels[bit], (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
-        between = np.mean(np.abs(levels[bit]) < 0.5)  # where many are, the finest tells what a gamma does
-        wide = upper - lower > LEVEL and (bit < len(levels) - 1 or between < EDGES)
+        lower, low, high, upper = (_part(ordered[bit], p) for p in (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
+        wide = upper - lower > LEVEL and (bit < len(levels) - 1 or between[bit] < EDGES)  # the finest tells a gamma
         askew = abs(lower + upper - low - high) > ASKEW * (upper - lower) > ASKEW * APART  # it is on or off itself
         middle = float(low + high) / 2
         anywhere = high - low > SHARP or abs(middle) > FARTHEST
-        half = upper - lower < SHARP and _is_half(middle, levels[:bit], middles[known : known + 1])
-        if wide or askew or anywhere or (not half and _few(levels[: bit + 1])):
+        half = upper - lower < SHARP and _is_half(middle, ordered[:bit], middles[known : known + 1])
+        if wide or askew or anywhere or (not half and _few(above[: bit + 1])):
             break
         middles[bit], known = middle, bit
-    off, on, told = -1.0, 1.0, known == len(levels)
-    part = 0.5 if told else (middles[known] - off) / (on - off)
+    told = {bit: found for bit in range(known) if (found := _off_and_on(ordered[bit]))}
+    part, swing = 0.5, 1.0
     for bit in reversed(range(known)):
+        off, on = told[min(told, key=lambda other: abs(other - bit))] if told else (-1.0, 1.0)
+        if bit == known - 1 and known < len(levels):
+            part = float(np.clip((middles[known] - off) / (on - off), 0.1, 0.9))
+        middles[bit], swing = off + part * (on - off), (on - off) / 2
+    return middles, swing
+
+
+def _off_and_on(levels: Singles) -> tuple[float, float] | None:
+    """The two levels of a bit, given in order (n,); None where they are not clearly two, as with a second light.
+
+    Off is dark, too: it is not what blur makes of the only cell seen.
+    """
+    centre = sum(_part(levels, share) for share in RANGE) / 2
+    for _ in range(ROUNDS):
+        dark, bright = np.split(levels, [int(np.searchsorted(levels, centre, side="right"))])
+        if min(len(dark), len(bright)) < SEEN * len(levels):
+            return None
+        (low, off, near), (far, on, high) = ([_part(each, p) for p in (0.25, 0.5, 0.75)] for each in (dark, bright))
         centre = (off + on) / 2
-        dark, bright = levels[bit][levels[bit] <= centre], levels[bit][levels[bit] > centre]
-        if min(len(dark), len(bright)) > SEEN * len(levels[bit]):
-            (low, dim, near), (far, light, high) = (np.quantile(each, (0.25, 0.5, 0.75)) for each in (dark, bright))
-            # no light by a second way among them, and off is dark: nor what blur makes of the only cell seen
-            if max(near - low, high - far) < SHARP and light - dim > APART and dim < -APART:
-                off, on = float(dim), float(light)
-                if not told:
-                    part, told = float(np.clip((middles[known] - off) / (on - off), 0.1, 0.9)), True
-        middles[bit] = off + part * (on - off)
-    return middles, (on - off) / 2
+    two = max(near - low, high - far) < SHARP and on - off > APART and off < -APART
+    return (off, on) if two else None
 
 
-def _few(levels: Singles) -> bool:
-    """Whether so few cells of these bits are seen that the last may be on in more than half of the pixels."""
-    cells = np.unique(2.0 ** np.arange(len(levels)) @ (levels > 0), return_counts=True)[1]
+def _part(ordered: Singles, share: float) -> Any:
+    """The value below which a share of those lies that are given in order, (n,) or (b, n)."""
+    return ordered[..., round(share * (ordered.shape[-1] - 1))].astype(float)
+
+
+def _few(above: NDArray[np.bool_]) -> bool:
+    """Whether so few cells of these bits (b, n) are seen that the last may be on in more than half of the pixels."""
+    cells = np.unique(2.0 ** np.arange(len(above)) @ above, return_counts=True)[1]
     return bool(np.sum(cells) ** 2 < FEW_CELLS * np.sum(cells**2))
 
 
@@ -101,6 +122,6 @@ def _is_half(level: float, coarser: Singles, finer: Array) -> bool:
 
     Coarser bits then show more light as well as less, and the next finer one the same half, or a darker one.
     """
-    low, high = np.quantile(coarser, (SEEN, 1 - SEEN), axis=1)
+    low, high = (_part(coarser, share) for share in (SEEN, 1 - SEEN))
     between = low.min(initial=level) < level - APART / 2 and high.max(initial=level) > level + APART / 2
     return bool(between and np.all((finer - OFF < level) & (level < np.maximum(finer, 0) + OFF)))

@@ -187,14 +187,14 @@ def test_stripes_may_be_darker_than_white_the_finer_the_more(estimate: bool) -> 
 
 @pytest.mark.parametrize(("kind", "cell", "period"), [("gray", 8, 16), ("gray", 32, 32), ("binary", 8, 16)])
 def test_white_may_be_brighter_than_all_other_frames(kind: Literal["gray", "binary"], cell: int, period: int) -> None:
-    """A lamp that follows the picture: of what white shows, bits and fringes show 0.6.
+    """A lamp that follows the picture: of what white shows, bits and fringes show half.
 
     A fifth to a half of the pixels decoded, up to 4 % of them wrong by a cell or more.
     """
     patterns = [White(), Black(), *gray_and_phase("x", 640, cell=cell, periods=[period], kind=kind)]
     u = np.linspace(30, 600, 400) + np.random.default_rng(0).uniform(-0.5, 0.5, (60, 1))
     white, black, *others = Bench(u, lines=(640, 1), blur=0.6, gain=160).take(patterns)
-    images = [white, black, *(np.rint(0.6 * image + 0.4 * black).astype(np.uint8) for image in others)]
+    images = [white, black, *(np.rint(0.5 * image + 0.5 * black).astype(np.uint8) for image in others)]
     phase = decode(patterns, images, lines=(640, 1))
     known = np.isfinite(phase.u)
     score = (phase.u - u)[known] / phase.sigma_u[known]
