@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,9 +20,6 @@ SMOOTH = 0.02  # of the targets' spacing: what a surface through them leaves may
 ALONG = 0.9  # cosine between the XY plane's normal and the targets' own where these are said to be in that plane
 
 
-_KNOWN: dict[bytes, Array] = {}  # by the targets: many captures share a board
-
-
 def tangents(xyz_mm: Array) -> Array:
     """Two orthogonal unit vectors along the board at every target, shape (n, 3, 2).
 
@@ -36,10 +34,12 @@ def tangents(xyz_mm: Array) -> Array:
      [0.    1.   ]
      [0.08  0.   ]]
     """
-    if (known := _KNOWN.get(key := xyz_mm.tobytes())) is not None:
-        return known
-    if len(_KNOWN) > 7:
-        _KNOWN.clear()
+    return _tangents(np.asarray(xyz_mm, np.float64).tobytes())
+
+
+@lru_cache(maxsize=8)  # many captures share a board
+def _tangents(targets: bytes) -> Array:
+    xyz_mm = np.frombuffer(targets).reshape(-1, 3)
     centred = xyz_mm - xyz_mm.mean(axis=0)
     axes = np.linalg.eigh(centred.T @ centred)[1].T[::-1]
     if abs(axes[2, 2]) > ALONG:
@@ -53,7 +53,7 @@ def tangents(xyz_mm: Array) -> Array:
         if np.std(z - A @ fit) < SMOOTH * spacing:
             slopes = fit @ np.array([[none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]])
     surface = np.array([[one, none, slopes[0]], [none, one, slopes[1]]]).transpose(2, 1, 0)
-    _KNOWN[key] = found = np.asarray(axes.T @ np.linalg.qr(surface)[0])
+    found = np.asarray(axes.T @ np.linalg.qr(surface)[0])
     found.flags.writeable = False
     return found
 
