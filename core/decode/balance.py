@@ -49,12 +49,13 @@ def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
         for a, b in itertools.pairwise(table.rows.first.tolist())
     ]
     alike = float(middles[-1]) if np.ptp(middles) < OFF else 0.0
-    for number, move in enumerate((alike, *(table.sign * (middles - alike)))):
-        row = rows[number + (number > 0)]
-        for frame, value in rows[1].items():
+    threshold_row, half_contrast, *bit_rows = rows
+    moves = (alike, *(table.sign * (middles - alike)))
+    for row, move in zip((threshold_row, *bit_rows), moves, strict=True):
+        for frame, value in half_contrast.items():
             row[frame] = row.get(frame, 0.0) + float(move) * value
     if len(table.period):  # without phases, too, the bits tell what contrast they have (sample.measure_fading)
-        rows[1] = {frame: swing * value for frame, value in rows[1].items()}
+        rows[1] = {frame: swing * value for frame, value in half_contrast.items()}
     return table._replace(rows=make_rows(rows))
 
 
@@ -69,7 +70,7 @@ def _middles(levels: Singles) -> tuple[Array, float]:
     ordered = np.sort(levels, axis=1)
     bottom, top = (_part(ordered, share)[:, None] for share in RANGE)
     above = (levels > (bottom + top) / 2) & (top - bottom > APART)
-    between = np.mean(np.abs(2 * levels - bottom - top) < (top - bottom) / 2, axis=1)  # on and off
+    between = np.mean(np.abs(2 * levels - bottom - top) < (top - bottom) / 2, axis=1)  # part that is neither on nor off
     for bit in reversed(range(len(levels))):
         lower, low, high, upper = (_part(ordered[bit], p) for p in (0.25, 0.5 - AROUND, 0.5 + AROUND, 0.75))
         wide = upper - lower > LEVEL and (bit < len(levels) - 1 or between[bit] < EDGES)  # the finest tells a gamma

@@ -2,8 +2,9 @@
 
 The blur is found in tiles of the image, by what it leaves of the grey values; so are gain and offset of every frame,
 for lamps flicker. A camera's gamma, and light that spreads within a surface, bend the light of all words alike: where
-that explains most of what noise does not, the words are bent as well. The noise is found from the residuals of pixels
-side by side, which all else contradicts alike.
+that explains most of what noise does not, the words are bent as well. Where no frame shows another's inverse, a gamma
+also moves places and blur, and is sought before. The noise is found from the residuals of pixels side by side, which
+all else contradicts alike.
 """
 
 from __future__ import annotations
