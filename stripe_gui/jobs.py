@@ -55,7 +55,7 @@ class Job(QObject):
     def __init__(self, title: str, function: Callable[..., Any], arguments: tuple, keywords: dict, stage: str) -> None:
         super().__init__()
         self.title, self.stage = title, stage
-        self.state = JobState.WAITING
+        self.state, self.waits = JobState.WAITING, False
         self.fraction, self.message = 0.0, ""
         self.started = 0.0
         self.result: Any = None
@@ -130,7 +130,8 @@ class JobQueue(QObject):
     """Runs jobs in order, one at a time.
 
     With `latest_only`, for previews, a new job stops the running one and takes the place of those that wait. What was
-    stopped is not shown even if it came through: the operator looks at something else by now.
+    stopped is not shown even if it came through: the operator looks at something else by now. A job that `waits` stands
+    back: it stops none, and none stops it.
     """
 
     changed = Signal()  # a job started, moved on or ended
@@ -162,6 +163,7 @@ class JobQueue(QObject):
         function: Callable[..., Any],
         *arguments: Any,
         stage: str = "",
+        waits: bool = False,
         on_done: Callable[[Any], None] | None = None,
         on_failed: Callable[[Failure], None] | None = None,
         **keywords: Any,
@@ -172,8 +174,9 @@ class JobQueue(QObject):
             job.succeeded.connect(on_done)
         if on_failed is not None:
             job.failed.connect(on_failed)
-        if self._latest_only:
-            self.cancel_all()
+        if self._latest_only and not waits:
+            self._cancel([job for job in self._all() if not job.waits])
+        job.waits = waits
         self._waiting.append(job)
         if not self._timer.isActive():
             self._timer.start()
@@ -183,15 +186,20 @@ class JobQueue(QObject):
 
     def cancel_all(self) -> None:
         """Stop the running job and forget those that wait."""
-        while self._waiting:
-            job = self._waiting.popleft()
-            job.cancel()
-            job.state = JobState.CANCELLED
-            job.cancelled.emit()
-            job.ended.emit()
-        if self._running is not None:
-            self._running.cancel()
+        self._cancel(self._all())
         self.changed.emit()
+
+    def _all(self) -> list[Job]:
+        return [*self._waiting, *([] if self._running is None else [self._running])]
+
+    def _cancel(self, jobs: list[Job]) -> None:
+        for job in jobs:
+            job.cancel()
+            if job in self._waiting:
+                self._waiting.remove(job)
+                job.state = JobState.CANCELLED
+                job.cancelled.emit()
+                job.ended.emit()
 
     def shut_down(self) -> bool:
         """Stop everything and wait a moment for the worker; say whether it ended."""

@@ -69,8 +69,8 @@ def difference_figures(
     `other` is another project, or a kept run of this one; `run` is taken in place of the calibration in use. Figures:
     `significant` by the chi-square test of `statistic` with `dof` against `limit`, both calibrations taken as
     independent, None where one of them tells no sigmas; under "depths" r.m.s. and largest `difference_mm`, its
-    `sigma_mm`, where it is known, and the same of `form`, what is left after the best movement of all points as one.
-    Maps: of every node.
+    `sigma_mm`, where it is known, the one over the other as `in_sigmas`, and the same of `form`, what is left after the
+    best movement of all points as one. Maps: the same of every node, and `shift_mm` and `form_shift_mm` as vectors.
     """
     from core.checks.volume import difference
 
@@ -79,26 +79,21 @@ def difference_figures(
     names = camera or calibration.camera_name, projector or calibration.projector_name
     second = pair_named(_kept(project, other)[0], *names) if isinstance(other, int) else _of_folder(other, pair, names)
     found = difference(pair, second, depths)
-    maps = {
-        "shift_mm": found.shift_mm,
-        "form_mm": found.form_mm,
-        "sigma_mm": found.sigma_mm,
-        "form_sigma_mm": found.form_sigma_mm,
-        "uv": found.volume.uv,
-        "xyz_mm": found.volume.xyz_mm,
-    }
-    maps = {name: found.volume.grid(values) for name, values in maps.items()}
     sizes = {
-        "difference_mm": np.linalg.norm(maps["shift_mm"], axis=-1),
-        "sigma_mm": maps["sigma_mm"],
-        "form_mm": np.linalg.norm(maps["form_mm"], axis=-1),
-        "form_sigma_mm": maps["form_sigma_mm"],
+        "difference_mm": np.linalg.norm(found.shift_mm, axis=1),
+        "form_mm": np.linalg.norm(found.form_mm, axis=1),
     }
     test = {"statistic": found.statistic, "dof": found.dof, "limit": found.limit, "significant": found.significant}
-    if not (pair.covariance.any() and second.covariance.any()):
+    if pair.covariance.any() and second.covariance.any():
+        sizes |= {"sigma_mm": found.sigma_mm, "form_sigma_mm": found.form_sigma_mm}
+        sizes["in_sigmas"] = sizes["difference_mm"] / sizes["sigma_mm"]
+        sizes["form_in_sigmas"] = sizes["form_mm"] / sizes["form_sigma_mm"]
+    else:
         test = {**dict.fromkeys(test), "dof": 0}
-        maps, sizes = ({n: v for n, v in of.items() if "sigma" not in n} for of in (maps, sizes))
-    return {**named, **test, "depths": _by_depth(depths, sizes)}, maps
+    vectors = {"shift_mm": found.shift_mm, "form_shift_mm": found.form_mm}
+    places = {"uv": found.volume.uv, "xyz_mm": found.volume.xyz_mm}
+    maps = {name: found.volume.grid(values) for name, values in {**sizes, **vectors, **places}.items()}
+    return {**named, **test, "depths": _by_depth(depths, {name: maps[name] for name in sizes})}, maps
 
 
 def left_out_figures(project: Project, run: int | None = None, progress: Progress = SILENT) -> list[dict[str, Any]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +33,13 @@ class Coverage:
 
     def map(self) -> NDArray[np.int32]:
         """The counts as an image of the device's size."""
-        width, height = self.size
-        rows = (np.arange(height) * self.counts.shape[0]) // height
-        columns = (np.arange(width) * self.counts.shape[1]) // width
-        return self.counts[np.ix_(rows, columns)].astype(np.int32)
+        return image_of_cells(self.counts, self.size).astype(np.int32)
+
+
+def image_of_cells(cells: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    """Give every pixel of an image of a size (width, height) the value of its cell, of shape (rows, columns)."""
+    rows, columns = (np.arange(n) * k // n for n, k in zip(reversed(size), cells.shape, strict=True))
+    return cells[np.ix_(rows, columns)]
 
 
 def coverage(adjustment: Adjustment) -> tuple[Coverage, ...]:

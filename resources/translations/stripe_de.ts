@@ -298,6 +298,7 @@
     <name>Calibrate</name>
     <message>
         <source>plate at {z:g} mm</source>
+        <extracomment>whether it can take part roll_deg, tilt_deg: turn of the board about the viewing axis, and its inclination to the image plane; from the targets measured, else from the picks, and the nominal camera how many were measured last, None before measuring how many an operator excluded what it adds, or why it cannot take part</extracomment>
         <translation>Platte bei {z:g} mm</translation>
     </message>
     <message>
@@ -1510,6 +1511,7 @@
     </message>
     <message>
         <source>share of pixels [%]</source>
+        <extracomment>for the legend; empty for none x, y: of equal length, or one x more than y for steps. NaN leaves a gap. 0 or 1: which of the theme&apos;s two colours for marks {&quot;line&quot;, &quot;dash&quot;, &quot;dot&quot;, &quot;dash-dot&quot;} the area between ±band is tinted whether its points are marked: few values, each measured</extracomment>
         <translation>Anteil der Pixel [%]</translation>
     </message>
 </context>
@@ -2008,6 +2010,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>Reference rig: SONY XC75, cross-pattern LCD</source>
+        <extracomment>from either device to the middle of the object plane from device to device its place in the plan: x along the base, y from the object plane (0) away; the object&apos;s middle is the origin field_mm, angle_deg: width and height of its field square to its axis at the working distance, and the angles they span where its outermost rays meet the object plane one pixel, or one line, at the working distance angle between the axes width in the object plane that both cover how far a point moves along the camera&apos;s axis while the projector&apos;s coordinate changes by one line</extracomment>
         <translation>Referenzaufbau: SONY XC75, Kreuzmuster-LCD</translation>
     </message>
     <message>
@@ -3261,6 +3264,18 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Vergleich zweier Läufe</translation>
     </message>
     <message>
+        <source>Difference of two runs over the working volume</source>
+        <translation>Unterschied zweier Läufe über den Arbeitsraum</translation>
+    </message>
+    <message>
+        <source>Parameters</source>
+        <translation>Parameter</translation>
+    </message>
+    <message>
+        <source>Working volume</source>
+        <translation>Arbeitsraum</translation>
+    </message>
+    <message>
         <source>Compare</source>
         <translation>Vergleiche</translation>
     </message>
@@ -3676,6 +3691,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <name>Start</name>
     <message>
         <source>not there any more</source>
+        <extracomment>how many captures it has and when something was last written</extracomment>
         <translation>nicht mehr da</translation>
     </message>
     <message>
@@ -3922,6 +3938,84 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
+    <name>Volume</name>
+    <message>
+        <source>distance [mm]</source>
+        <translation>Abstand [mm]</translation>
+    </message>
+    <message>
+        <source>{d:.0f} mm away: {rms:.{n}f} {unit} r.m.s., {most:.{n}f} at most</source>
+        <translation>in {d:.0f} mm Abstand: {rms:.{n}f} {unit} r.m.s., höchstens {most:.{n}f}</translation>
+    </message>
+    <message>
+        <source>in σ</source>
+        <translation>in σ</translation>
+    </message>
+    <message>
+        <source>Difference</source>
+        <translation>Unterschied</translation>
+    </message>
+    <message>
+        <source>difference [mm]</source>
+        <translation>Unterschied [mm]</translation>
+    </message>
+    <message>
+        <source>Difference in σ</source>
+        <translation>Unterschied in σ</translation>
+    </message>
+    <message>
+        <source>Form</source>
+        <translation>Form</translation>
+    </message>
+    <message>
+        <source>form [mm]</source>
+        <translation>Form [mm]</translation>
+    </message>
+    <message>
+        <source>Form in σ</source>
+        <translation>Form in σ</translation>
+    </message>
+    <message>
+        <source>R.m.s. over the image: how far apart both put the same point. Form: what is left of it after the best movement of all points as one.</source>
+        <translation>R.m.s. über das Bild: wie weit beide denselben Punkt auseinander legen. Form: was davon nach der besten Bewegung aller Punkte als Ganzes bleibt.</translation>
+    </message>
+    <message>
+        <source>One of them tells no sigmas, so that chance cannot be told from a difference.</source>
+        <translation>Eine von beiden gibt keine σ an; Zufall und Unterschied lassen sich also nicht trennen.</translation>
+    </message>
+    <message>
+        <source>They differ by more than chance: χ² {x:.3g} with {n} degrees of freedom, limit {limit:.3g}.</source>
+        <translation>Sie unterscheiden sich um mehr als den Zufall: χ² {x:.3g} bei {n} Freiheitsgraden, Grenzwert {limit:.3g}.</translation>
+    </message>
+    <message>
+        <source>They agree within their sigmas: χ² {x:.3g} with {n} degrees of freedom, limit {limit:.3g}.</source>
+        <translation>Sie stimmen innerhalb ihrer σ überein: χ² {x:.3g} bei {n} Freiheitsgraden, Grenzwert {limit:.3g}.</translation>
+    </message>
+    <message>
+        <source>Both are taken as independent; runs that share captures differ by less.</source>
+        <translation>Beide gelten als unabhängig; Läufe mit gemeinsamen Aufnahmen unterscheiden sich um weniger.</translation>
+    </message>
+</context>
+<context>
+    <name>VolumeMaps</name>
+    <message>
+        <source>Map</source>
+        <translation>Karte</translation>
+    </message>
+    <message>
+        <source>Working out…</source>
+        <translation>Wird berechnet …</translation>
+    </message>
+    <message>
+        <source>Working volume</source>
+        <translation>Arbeitsraum</translation>
+    </message>
+    <message>
+        <source>{what}. {remedy}.</source>
+        <translation>{what}. {remedy}.</translation>
+    </message>
+</context>
+<context>
     <name>Wizard</name>
     <message>
         <source>Close</source>
@@ -3948,6 +4042,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <name>Workbench</name>
     <message>
         <source>Work is running in the open project.</source>
+        <extracomment>{&quot;info&quot;, &quot;success&quot;, &quot;warning&quot;, &quot;error&quot;}</extracomment>
         <translation>Im offenen Projekt läuft eine Arbeit.</translation>
     </message>
     <message>

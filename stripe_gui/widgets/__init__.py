@@ -15,6 +15,7 @@ calibrate_form.py   what can be chosen about a calibration
 calibration_results.py  everything a calibration found, and where in the images there are points
 plot.py             curves over two axes, and histograms of deviations
 deviation_maps.py   maps of planes on one scale, with a cursor in all of them
+volume_maps.py      a calibration over its working volume, a map for each depth
 space_view.py       points and lines in space
 result_table.py     a table of results, sortable and copyable
 field_map.py        the testfield in small, to choose a target

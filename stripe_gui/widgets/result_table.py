@@ -125,10 +125,10 @@ class ResultTable(QWidget):
         height = self.view.horizontalHeader().sizeHint().height() + 28 * rows + 6
         self.view.setFixedHeight(height + self.view.horizontalScrollBar().sizeHint().height())
 
-    def fit_width(self) -> None:
-        """Make the table as wide as its columns."""
+    def fit_width(self, most: int = 1 << 24) -> None:
+        """Make the table as wide as its columns, but no wider than `most`."""
         room = self.view.verticalScrollBar().sizeHint().width() + 2 * self.view.frameWidth()
-        self.setFixedWidth(self.view.horizontalHeader().length() + room)
+        self.setFixedWidth(min(self.view.horizontalHeader().length() + room, most))
 
     def choose_row(self, row: int) -> None:
         self.view.setCurrentIndex(self._sorted.mapFromSource(self.model.index(row, 0)))

@@ -95,6 +95,17 @@ def test_of_previews_only_the_latest_is_finished(qapp, qtbot) -> None:
     assert done == [3]
 
 
+def test_a_preview_that_waits_stops_none_and_is_stopped_by_none(qapp, qtbot) -> None:
+    queue = JobQueue(latest_only=True)
+    done = []
+    queue.run("a", count, 1, on_done=done.append)
+    queue.run("b", count, 2, waits=True, on_done=done.append)
+    queue.run("c", count, 3, on_done=done.append)
+    queue.run("d", count, 4, on_done=done.append)
+    qtbot.waitUntil(lambda: not queue.busy, timeout=3000)
+    assert done == [2, 4]
+
+
 @pytest.mark.parametrize(("preview", "state", "shown"), [(True, JobState.CANCELLED, []), (False, JobState.DONE, [1])])
 def test_what_was_stopped_and_came_through_is_done_and_no_longer_shown_of_a_preview(
     qapp, qtbot, preview: bool, state: JobState, shown: list[int]

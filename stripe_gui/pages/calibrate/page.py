@@ -37,6 +37,7 @@ class CalibratePage(PartsPage):
     """Method, captures, run, results, runs."""
 
     id = stage = "calibrate"
+    by_pair = True
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
@@ -241,5 +242,8 @@ class CalibratePage(PartsPage):
         self.again_button.setEnabled(self.can_run())
 
     def inner_parts(self, part: Part) -> Iterator[str]:
-        """Bring the tabs of the results to the front."""
-        yield from self.results.parts() if part.name == "results" and not self.results.isHidden() else ("",)
+        """Bring the tabs of results and runs to the front."""
+        if part.name == "results" and not self.results.isHidden():
+            yield from self.results.parts()
+        else:
+            yield from self.runs.parts() if part.name == "runs" else ("",)

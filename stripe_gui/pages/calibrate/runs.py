@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from PySide6.QtWidgets import QLineEdit, QWidget
+from PySide6.QtWidgets import QLineEdit, QTabWidget, QWidget
 
 from core.pipeline import Run, current_runs, delete_run, list_runs, make_current, rename_run
 from stripe_gui.presenters.runs import comparison_table, run_title, runs_table
-from stripe_gui.widgets.layout import boxed, button, choice, column, label, make, refill, row, splitter
+from stripe_gui.presenters.volumes import difference_view
+from stripe_gui.widgets.layout import boxed, button, choice, column, label, make, refill, row, splitter, tab_name
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
+from stripe_gui.widgets.volume_maps import VolumeMaps
 from stripe_gui.workbench import Workbench
 
 
@@ -36,12 +38,22 @@ class RunsPart(QWidget):
         self.first = choice(self.tr("Run to compare with"), self._compare, minimumWidth=170)
         self.second = choice(self.tr("Run to compare"), self._compare, minimumWidth=170)
         self.comparison = ResultTable(self.tr("Comparison of two runs"), titled=False)
+        self.volume = VolumeMaps(bench, self.tr("Difference of two runs over the working volume"))
+        self.tabs = make(QTabWidget, accessibleName=self.tr("Comparison of two runs"), documentMode=True)
+        self.tabs.tabBar().setDrawBase(False)
+        for name, title, widget in (
+            ("parameters", self.tr("Parameters"), self.comparison),
+            ("volume", self.tr("Working volume"), self.volume),
+        ):
+            widget.setObjectName(name)
+            self.tabs.addTab(widget, title)
+        self.tabs.currentChanged.connect(self._compare)
         self.nothing = label("", "muted", wrap=True)
         buttons = row(self.use_button, self.name, self.rename_button, self.delete_button, None)
         pair = row(label(self.tr("Compare")), self.second, label(self.tr("with")), self.first, None)
-        lower = boxed(column(pair, self.nothing, (self.comparison, 1), spacing=8))
+        lower = boxed(column(pair, self.nothing, (self.tabs, 1), spacing=8))
         split = splitter(boxed(column((self.table, 1), buttons, spacing=6)), lower, down=True)
-        split.setSizes([210, 330])
+        split.setSizes([150, 390])
         self.setLayout(column(split))
         self._offer()
 
@@ -109,5 +121,23 @@ class RunsPart(QWidget):
             table = comparison_table(first, second)
             self.nothing.setText("" if table.rows else self.tr("Only photogrammetric calibrations can be compared."))
         self.nothing.setVisible(bool(self.nothing.text()))
-        self.comparison.show_table(table)
-        self.comparison.setVisible(bool(table.rows))
+        self.tabs.setVisible(bool(table.rows))
+        if not table.rows or first is None or second is None:
+            return
+        if self.tabs.currentWidget() is self.volume:
+            folder = self._bench.session.opened
+            pair = () if folder.project.rig.is_pair else self._bench.session.pair
+            asked = folder.path, *((run.number, run.made_at) for run in (first, second)), pair
+            self.volume.look(asked, difference_view, folder.project, first.number, second.number, *pair)
+        else:
+            self.comparison.show_table(table)
+
+    def parts(self) -> Iterator[str]:
+        """Bring what is compared to the front, one after the other, and name it."""
+        if self.tabs.isHidden():
+            yield ""
+            return
+        for i in range(self.tabs.count()):
+            self.tabs.setCurrentIndex(i)
+            yield f"-{tab_name(self.tabs, i)}"
+        self.tabs.setCurrentIndex(0)

@@ -1,0 +1,73 @@
+"""Calibrations over the working volume, in the window: the millimetres of a closed form, and nothing lost meanwhile."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.geometry import Pose
+from core.model import Adjustment, PhotogrammetricCalibration
+from core.pipeline.runs import keep_run, list_runs, run_folder
+from core.project import load_archive, read_project
+from tests.gui.hands import idle
+
+LONGER = 1.001  # base of the second run over that of the first: all points are farther by this
+
+
+def front(tabs, name: str) -> None:
+    """Bring a tab to the front."""
+    tabs.setCurrentIndex(next(i for i in range(tabs.count()) if tabs.widget(i).objectName() == name))
+
+
+@pytest.fixture
+def page(window, finished_project: Path, qtbot):
+    """The calibrate page of a project with a second run, whose base is longer."""
+    project = read_project(finished_project)
+    (run,) = list_runs(project)
+    folder = run_folder(project, run.number)
+    calibration = load_archive(folder / "photogrammetric.npz", PhotogrammetricCalibration)
+    longer = {
+        name: replace(o, device_from_base=Pose(o.device_from_base.rotation, LONGER * o.device_from_base.translation_mm))
+        for name, o in calibration.orientations.items()
+    }
+    archives = {
+        "photogrammetric.npz": replace(calibration, orientations=longer),
+        "adjustment.npz": load_archive(folder / "adjustment.npz", Adjustment),
+    }
+    keep_run(project, replace(run, captures={"photogrammetric": run.captures["photogrammetric"]}), archives)
+    assert window.open_path(finished_project)
+    window.show_page("calibrate")
+    idle(window, qtbot)
+    return window.page
+
+
+def test_a_longer_base_puts_every_point_farther_by_its_share(page, window, qtbot) -> None:
+    page.go_to("runs")
+    assert page.runs.comparison.model.rowCount() == 24
+    front(page.runs.tabs, "volume")
+    idle(window, qtbot)
+    volume, project = page.runs.volume, window.bench.session.opened.project
+    # no capture was shared, or all of it was: what differs by a thousandth of the distance is far beyond the sigmas
+    assert volume.said.text().startswith("They differ by more than chance")
+    columns = volume.table.model.table.columns
+    assert columns == ("distance [mm]", "difference [mm]", "in σ", "form [mm]", "in σ")
+    spec, c = project.camera, project.camera.nominal_c_mm
+    for row in range(volume.table.model.rowCount()):
+        volume.table.choose_row(row)
+        depth = volume.table.model.table.rows[row][0].value
+        seen = np.argwhere(np.isfinite(volume.view.image))
+        offset = (seen[:, ::-1] - np.array([spec.width - 1, spec.height - 1]) / 2) * spec.pitch_mm
+        wanted = (LONGER - 1) * depth * np.sqrt(1 + np.sum((offset / c) ** 2, axis=1))
+        # lens and principal point move the rays by some per cent of their slope; cells are constant over 1/13 image
+        assert np.abs(volume.view.image[tuple(seen.T)] / wanted - 1).max() < 0.03
+        assert volume.table.model.table.rows[row][1].value == pytest.approx(np.sqrt(np.mean(wanted**2)), rel=0.01)
+    # the other way round it is the same but for the volume it is told of
+    before = volume.table.model.table.rows[2][1].value
+    page.runs.first.setCurrentIndex(0)
+    assert "two different" in page.runs.nothing.text()
+    page.runs.second.setCurrentIndex(1)
+    idle(window, qtbot)
+    assert volume.table.model.table.rows[2][1].value == pytest.approx(before, rel=0.01)
