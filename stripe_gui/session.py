@@ -123,6 +123,11 @@ class Session(QObject):
         return self._pair if self._pair in rig.pairs else rig.usual
 
     @property
+    def pair_names(self) -> tuple[str, ...]:
+        """The names of both, none where there are no others."""
+        return () if self.opened.project.rig.is_pair else self.pair
+
+    @property
     def projector(self) -> DeviceSpec:
         return self.opened.project.rig.projectors[self.pair[1]]
 

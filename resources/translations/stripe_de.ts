@@ -507,6 +507,10 @@
 <context>
     <name>CalibrationResults</name>
     <message>
+        <source>Uncertainty over the working volume</source>
+        <translation>Unsicherheit über den Arbeitsraum</translation>
+    </message>
+    <message>
         <source>Results of the calibration</source>
         <translation>Ergebnisse der Kalibrierung</translation>
     </message>
@@ -529,6 +533,10 @@
     <message>
         <source>Object points</source>
         <translation>Punkte</translation>
+    </message>
+    <message>
+        <source>Working volume</source>
+        <translation>Arbeitsraum</translation>
     </message>
     <message>
         <source>Warnings</source>
@@ -3946,6 +3954,46 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>{d:.0f} mm away: {rms:.{n}f} {unit} r.m.s., {most:.{n}f} at most</source>
         <translation>in {d:.0f} mm Abstand: {rms:.{n}f} {unit} r.m.s., höchstens {most:.{n}f}</translation>
+    </message>
+    <message>
+        <source>σ of the projector&apos;s image</source>
+        <translation>σ im Bild des Projektors</translation>
+    </message>
+    <message>
+        <source>projector [lines]</source>
+        <translation>Projektor [Linien]</translation>
+    </message>
+    <message>
+        <source>σ of points</source>
+        <translation>σ der Punkte</translation>
+    </message>
+    <message>
+        <source>points [mm]</source>
+        <translation>Punkte [mm]</translation>
+    </message>
+    <message>
+        <source>σ of form</source>
+        <translation>σ der Form</translation>
+    </message>
+    <message>
+        <source>σ of the camera&apos;s image</source>
+        <translation>σ im Bild der Kamera</translation>
+    </message>
+    <message>
+        <source>camera [px]</source>
+        <translation>Kamera [px]</translation>
+    </message>
+    <message>
+        <source>lines</source>
+        <translation>Linien</translation>
+    </message>
+    <message>
+        <source>What the calibration&apos;s sigmas mean for points, shapes and images where the camera sees the projector&apos;s light.</source>
+        <translation>Was die σ der Kalibrierung für Punkte, Formen und Bilder bedeuten, wo die Kamera das Licht des Projektors sieht.</translation>
+    </message>
+    <message>
+        <source>R.m.s. over the image, without the noise of a capture. Form: after the best movement of all points as one; images: after the best place of the device. They grow where no target was captured.</source>
+        <translation>R.m.s. über das Bild, ohne das Rauschen einer Aufnahme. Form: nach der besten Bewegung aller Punkte als Ganzes; Bilder: nach der besten Stellung des Geräts. Sie wachsen, wo keine Marken aufgenommen wurden.</translation>
     </message>
     <message>
         <source>in σ</source>

@@ -1,4 +1,4 @@
-"""Calibrations over the working volume: by how much two differ, in maps and by depth."""
+"""Calibrations over the working volume: how certain one is, by how much two differ."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from PySide6.QtCore import QCoreApplication
 
 from core.lazy import dataclass
 from core.model import Array, Project
-from core.pipeline.volumes import difference_figures
+from core.pipeline.volumes import difference_figures, volume_figures
 from core.progress import SILENT, Progress
 from core.report import Number, Table
 from core.report.adjusted import image_of_cells
@@ -26,8 +26,12 @@ class Quantity:
     column: str
     key: str
     unit: str
-    digits: int
     values: Array
+
+    @property
+    def digits(self) -> int:
+        """Decimals of its values."""
+        return 2 if self.unit == "σ" else 4
 
 
 @dataclass(frozen=True)
@@ -65,18 +69,42 @@ class VolumeView:
         return text.format(d=figures["depth_mm"], rms=rms, most=most, unit=q.unit, n=q.digits)
 
 
+def uncertainty_view(
+    project: Project, camera: str = "", projector: str = "", progress: Progress = SILENT
+) -> VolumeView:
+    """Show how certain the calibration in use is."""
+    figures, maps = volume_figures(project, None, camera, projector)
+    lit, column = translate("Volume", "σ of the projector's image"), translate("Volume", "projector [lines]")
+    quantities = (
+        (translate("Volume", "σ of points"), translate("Volume", "points [mm]"), "sigma_mm", "mm"),
+        (translate("Volume", "σ of form"), translate("Volume", "form [mm]"), "form_sigma_mm", "mm"),
+        (translate("Volume", "σ of the camera's image"), translate("Volume", "camera [px]"), "camera_px", "px"),
+        (lit, column, "projector_lines", translate("Volume", "lines")),
+    )
+    said = translate(
+        "Volume",
+        "What the calibration's sigmas mean for points, shapes and images where the camera sees the projector's light.",
+    )
+    note = translate(
+        "Volume",
+        "R.m.s. over the image, without the noise of a capture. Form: after the best movement of all points as one; "
+        "images: after the best place of the device. They grow where no target was captured.",
+    )
+    made = tuple(Quantity(*entry, maps[entry[2]]) for entry in quantities)
+    return VolumeView(said, note, tuple(figures["depths"]), made, _size(project, camera))
+
+
 def difference_view(
     project: Project, first: int, second: int, camera: str = "", projector: str = "", progress: Progress = SILENT
 ) -> VolumeView:
     """Set a kept run beside a first one, over the working volume of the first."""
     figures, maps = difference_figures(project, second, first, camera, projector)
-    mm, ratio = ("mm", 4), ("σ", 2)
     column = translate("Volume", "in σ")
     quantities = (
-        (translate("Volume", "Difference"), translate("Volume", "difference [mm]"), "difference_mm", *mm),
-        (translate("Volume", "Difference in σ"), column, "in_sigmas", *ratio),
-        (translate("Volume", "Form"), translate("Volume", "form [mm]"), "form_mm", *mm),
-        (translate("Volume", "Form in σ"), column, "form_in_sigmas", *ratio),
+        (translate("Volume", "Difference"), translate("Volume", "difference [mm]"), "difference_mm", "mm"),
+        (translate("Volume", "Difference in σ"), column, "in_sigmas", "σ"),
+        (translate("Volume", "Form"), translate("Volume", "form [mm]"), "form_mm", "mm"),
+        (translate("Volume", "Form in σ"), column, "form_in_sigmas", "σ"),
     )
     note = translate(
         "Volume",

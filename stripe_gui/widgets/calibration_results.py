@@ -13,8 +13,10 @@ from core.report.adjusted import Coverage, correlations, coverage, point_sigmas
 from stripe_gui import theme
 from stripe_gui.presenters.calibrate import CalibrationView
 from stripe_gui.presenters.decode import round_up
+from stripe_gui.presenters.folder import version
 from stripe_gui.presenters.status import device_name
 from stripe_gui.presenters.told import sentence
+from stripe_gui.presenters.volumes import uncertainty_view
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.layout import boxed, card, column, emptied, label, make, row, scrolled, tab_name
@@ -22,6 +24,7 @@ from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
 from stripe_gui.widgets.verdict import VerdictList
+from stripe_gui.widgets.volume_maps import VolumeMaps
 from stripe_gui.workbench import Workbench
 
 ABREAST = 3  # maps that have room side by side
@@ -76,6 +79,7 @@ class CalibrationResults(QWidget):
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__()
+        self._bench = bench
         self._view: CalibrationView | None = None
         self._due: set[int] = set()
         self.made = label("", "muted", wrap=True)
@@ -88,6 +92,7 @@ class CalibrationResults(QWidget):
         self.coverage = CoverageView()
         self.correlations = CorrelationView()
         self.points = PointMap()
+        self.volume = VolumeMaps(bench, self.tr("Uncertainty over the working volume"))
         self.tabs = make(QTabWidget, accessibleName=self.tr("Results of the calibration"), documentMode=True)
         self.tabs.tabBar().setDrawBase(False)
         for name, title, widget in (
@@ -96,6 +101,7 @@ class CalibrationResults(QWidget):
             ("coverage", self.tr("Coverage"), self.coverage),
             ("correlations", self.tr("Correlations"), self.correlations),
             ("points", self.tr("Object points"), self.points),
+            ("volume", self.tr("Working volume"), self.volume),
             ("warnings", self.tr("Warnings"), scrolled(boxed(self._warnings))),
         ):
             widget.setObjectName(name)
@@ -111,9 +117,10 @@ class CalibrationResults(QWidget):
         self.verdicts.show_verdicts(view.verdicts)
         self._tell_warnings(view.warnings)
         if before is not None and before.tables == view.tables and before.adjustment is view.adjustment:
+            self._fill()  # of another pair, perhaps
             return
         self._due = set(range(self.tabs.count()))
-        for i in range(1, 5):
+        for i in range(1, 6):
             self.tabs.setTabEnabled(i, view.adjustment is not None)
         self._fill()
 
@@ -127,6 +134,8 @@ class CalibrationResults(QWidget):
     def _fill(self) -> None:
         """Show what the tab in front has not shown yet."""
         at, view = self.tabs.currentIndex(), self._view
+        if view is not None and self.tabs.currentWidget() is self.volume:
+            self._look_at_volume()
         if view is None or at not in self._due:
             return
         self._due.discard(at)
@@ -144,10 +153,19 @@ class CalibrationResults(QWidget):
         elif at == 4:
             self.points.show_points(point_sigmas(adjustment))
 
+    def _look_at_volume(self) -> None:
+        """Show what the pair that was chosen knows of the working volume."""
+        session = self._bench.session
+        folder, pair = session.opened, session.pair_names
+        file = folder.result_file("photogrammetric.npz")
+        self.volume.look((file, version(file), pair), uncertainty_view, folder.project, *pair)
+
     def _tell_warnings(self, warnings: tuple[str, ...]) -> None:
         """Say how many warnings there are above the tabs, and each in full on its own tab."""
         count = len(warnings)
-        self.tabs.setTabText(5, self.tr("Warnings ({n})").format(n=count) if count else self.tr("Warnings"))
+        self.tabs.setTabText(
+            self.tabs.count() - 1, self.tr("Warnings ({n})").format(n=count) if count else self.tr("Warnings")
+        )
         many = self.tr("⚠ {n} warnings: what is weak and what to photograph next, see Warnings.")
         one = self.tr("⚠ One warning, see Warnings.")
         self.warned.setText(many.format(n=count) if count > 1 else one)

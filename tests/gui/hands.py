@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QAbstractButton
+from PySide6.QtWidgets import QAbstractButton, QTabWidget
 
 from core.geometry import Pose, project
 from core.model import Interior, Seed
@@ -36,6 +36,11 @@ def idle(window, qtbot, done: Callable[[], bool] = lambda: True) -> None:
         return not (bench.views.busy or bench.jobs.busy or preparing) and done()
 
     qtbot.waitUntil(over, timeout=PATIENCE_MS)
+
+
+def front(tabs: QTabWidget, name: str) -> None:
+    """Bring a tab to the front."""
+    tabs.setCurrentIndex(next(i for i in range(tabs.count()) if tabs.widget(i).objectName() == name))
 
 
 def true_targets(folder: Path, capture: str, testfield: str = "testfield.csv") -> Targets:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +12,18 @@ import pytest
 
 from core.capture.plan import make_plan
 from core.errors import InputError
-from core.model import Subject
+from core.geometry.pairs import names_of, orientation_names
+from core.model import Adjustment, Orientation, PhotogrammetricCalibration, Subject
 from core.pipeline.options import check_options
+from core.pipeline.runs import keep_run, list_runs, run_folder
 from core.pipeline.sequences import import_into
-from core.project import read_capture, read_image, read_project, write_image
+from core.project import load_archive, read_capture, read_image, read_project, write_image
 from stripe_gui.pages.page import PairChoice
 from stripe_gui.presenters.capture import rig_lines
 from stripe_gui.presenters.sequences import Shown, look_at
-from tests.gui.hands import idle
+from tests.gui.hands import front, idle
 
+SHARE = 1e-4  # sigma of all bases over their lengths, in a rig where nothing else is uncertain
 KEPT = ("testfield-01", "plane+00")
 
 
@@ -137,3 +141,49 @@ def test_parameters_of_every_device_can_be_held(pair_project: Path, window, qtbo
     options = window.page.choice().options
     assert options.hold == ("right.A3",)
     check_options(read_project(pair_project), options)
+
+
+def test_the_uncertain_scale_of_a_rig_is_that_share_of_every_distance(
+    window,
+    finished: Path,
+    pair_project: Path,
+    qtbot,
+) -> None:
+    """Two cameras either side of a projector; the sigmas are those of the pair that is chosen."""
+    project, folder = read_project(pair_project), run_folder(read_project(finished), 1)
+    one = load_archive(folder / "photogrammetric.npz", PhotogrammetricCalibration)
+    stands = {"projector": (pose := one.orientations["projector"].device_from_base), "right": pose @ pose}
+    devices = {"left": one.camera, "right": one.camera, "projector": one.devices["projector"]}
+    names = [name for device in devices for name in names_of(device, devices[device])]
+    names += [name for device in stands for name in orientation_names(device)]
+    errors = np.zeros(len(names))
+    for device, stand in stands.items():
+        errors[[names.index(f"{device}.t{axis}") for axis in "xyz"]] = SHARE * stand.translation_mm
+    rig = replace(
+        one,
+        devices=devices,
+        cameras=("left", "right"),
+        orientations={device: Orientation("left", stand) for device, stand in stands.items()},
+        covariance=np.outer(errors, errors),
+        parameter_names=tuple(names),
+    )
+    (run,) = list_runs(read_project(finished))
+    archives = {
+        "photogrammetric.npz": rig,
+        "adjustment.npz": load_archive(folder / "adjustment.npz", Adjustment),
+    }
+    keep_run(project, replace(run, captures={"photogrammetric": ()}), archives)
+    assert window.open_path(pair_project)
+    window.show_page("calibrate")
+    page = window.page
+    assert page.go_to("results")
+    front(page.results.tabs, "volume")
+    seen = []
+    for camera in ("left", "right"):
+        choose(window, camera, qtbot)
+        rows = [[cell.value for cell in row] for row in page.results.volume.table.model.table.rows]
+        # r.m.s. of the distances from the camera, up to a few per cent longer than those along its axis
+        assert all(SHARE <= row[1] / row[0] < 1.05 * SHARE for row in rows)
+        assert all(row[3] < 1e-6 and row[4] < 1e-6 for row in rows)  # the lenses are known
+        seen.append(rows)
+    assert seen[0] != seen[1]

@@ -12,14 +12,9 @@ from core.geometry import Pose
 from core.model import Adjustment, PhotogrammetricCalibration
 from core.pipeline.runs import keep_run, list_runs, run_folder
 from core.project import load_archive, read_project
-from tests.gui.hands import idle
+from tests.gui.hands import front, idle
 
 LONGER = 1.001  # base of the second run over that of the first: all points are farther by this
-
-
-def front(tabs, name: str) -> None:
-    """Bring a tab to the front."""
-    tabs.setCurrentIndex(next(i for i in range(tabs.count()) if tabs.widget(i).objectName() == name))
 
 
 @pytest.fixture

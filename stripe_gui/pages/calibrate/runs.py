@@ -125,8 +125,7 @@ class RunsPart(QWidget):
         if not table.rows or first is None or second is None:
             return
         if self.tabs.currentWidget() is self.volume:
-            folder = self._bench.session.opened
-            pair = () if folder.project.rig.is_pair else self._bench.session.pair
+            folder, pair = self._bench.session.opened, self._bench.session.pair_names
             asked = folder.path, *((run.number, run.made_at) for run in (first, second)), pair
             self.volume.look(asked, difference_view, folder.project, first.number, second.number, *pair)
         else:
