@@ -27,6 +27,16 @@ from core.progress import SILENT, Progress
 
 TILTED = ((0.0, 0.0), *((30.0, about) for about in np.arange(0.0, 360.0, 45.0).tolist()))
 ROLLS_DEG = (0.0, 90.0, 180.0, 270.0)
+SIDES = (  # of the board as the first device sees it, anticlockwise from the right
+    "right side",
+    "upper right corner",
+    "upper edge",
+    "upper left corner",
+    "left side",
+    "lower left corner",
+    "lower edge",
+    "lower right corner",
+)
 NEARER = (0.9, 1.0, 1.1)  # distances over the mean of those captured
 MOST_POINTS = 60  # of an image stand for all of them
 LEAST_POINTS = 6  # that a device must see
@@ -49,6 +59,15 @@ class NextPose:
     gain: float
     parameter: str
     most: float
+
+    @property
+    def words(self) -> str:
+        """How to hold the board."""
+        near = SIDES[round((self.about_deg + 90.0) / 45.0) % len(SIDES)]
+        tilt = (
+            f"tilted by {self.tilt_deg:.0f}°, its {near} towards the camera" if self.tilt_deg else "facing the camera"
+        )
+        return f"{tilt}; rolled by {self.roll_deg:.0f}°; {self.distance_mm:.0f} mm away"
 
 
 def next_poses(network: Network, count: int = 3, progress: Progress = SILENT) -> tuple[NextPose, ...]:

@@ -10,7 +10,17 @@ import numpy as np
 
 from core.errors import InputError
 from core.geometry import pair_named, pair_of
-from core.model import Adjustment, Array, Network, Pair, PhotogrammetricCalibration, Project
+from core.model import (
+    Adjustment,
+    Array,
+    Concern,
+    Network,
+    Pair,
+    PhotogrammetricCalibration,
+    Project,
+    Verdict,
+    verdict_of,
+)
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.runs import archive_of, calibration_file
 from core.progress import SILENT, Progress
@@ -104,11 +114,31 @@ def left_out_figures(project: Project, run: int | None = None, progress: Progres
     return [{**asdict(one), "off": one.off} for one in leave_captures_out(network, progress)]
 
 
+def left_out_verdict(found: list[dict[str, Any]]) -> Verdict:
+    """Judge the captures of `left_out_figures`."""
+    concerns = [
+        Concern(
+            "doubtful",
+            f"{one['capture']} does not fit the others: F {one['statistic']:.2f}, limit {one['limit']:.2f}; look at "
+            "its residuals, then capture it again or leave it out",
+        )
+        for one in found
+        if one["off"]
+    ]
+    untested = ", ".join(one["capture"] for one in found if not np.isfinite(one["limit"]))
+    if untested:
+        concerns.append(Concern("doubtful", f"{untested}: too much is determined by this alone; capture more poses"))
+    most = max(one["statistic"] / one["limit"] for one in found)
+    return verdict_of(
+        concerns, [f"all {len(found)} captures are as the others predict; F is at most {most:.0%} of its limit"]
+    )
+
+
 def next_pose_figures(project: Project, run: int | None = None, progress: Progress = SILENT) -> list[dict[str, Any]]:
     """Give the poses of the board that would bring most, see `core.calibrate.next_poses`."""
     from core.calibrate import next_poses
 
-    return [asdict(one) for one in next_poses(_network(project, run), progress=progress)]
+    return [{**asdict(one), "words": one.words} for one in next_poses(_network(project, run), progress=progress)]
 
 
 def _network(project: Project, run: int | None) -> Network:

@@ -539,6 +539,10 @@
         <translation>Arbeitsraum</translation>
     </message>
     <message>
+        <source>Captures</source>
+        <translation>Aufnahmen</translation>
+    </message>
+    <message>
         <source>Warnings</source>
         <translation>Warnungen</translation>
     </message>
@@ -1049,6 +1053,25 @@
     <message>
         <source>{n} points; hull {h:.0%} of the image; {c:.0%} of the cells hold points</source>
         <translation>{n} Punkte; Hülle {h:.0%} des Bildes; {c:.0%} der Zellen enthalten Punkte</translation>
+    </message>
+</context>
+<context>
+    <name>CrossValidation</name>
+    <message>
+        <source>Leaves each capture out in turn and tests whether the others predict what it shows.</source>
+        <translation>Lässt jede Aufnahme einmal weg und prüft, ob die anderen voraussagen, was sie zeigt.</translation>
+    </message>
+    <message>
+        <source>Cross-validation</source>
+        <translation>Kreuzvalidierung</translation>
+    </message>
+    <message>
+        <source>Leave each out</source>
+        <translation>Jede weglassen</translation>
+    </message>
+    <message>
+        <source>captures against each other</source>
+        <translation>Aufnahmen gegeneinander</translation>
     </message>
 </context>
 <context>
@@ -2139,6 +2162,21 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>Project &gt; Print testfield gives the board at true size.</source>
         <translation>Projekt &gt; Testfeld drucken gibt die Tafel maßhaltig aus.</translation>
+    </message>
+</context>
+<context>
+    <name>NextPose</name>
+    <message>
+        <source>Tries 108 poses of the board by their covariance: which one more capture would bring most.</source>
+        <translation>Versucht 108 Stellungen der Tafel mit der Kovarianz: welche als weitere Aufnahme am meisten bringt.</translation>
+    </message>
+    <message>
+        <source>Next pose</source>
+        <translation>Nächste Stellung</translation>
+    </message>
+    <message>
+        <source>Find the best pose</source>
+        <translation>Beste Stellung suchen</translation>
     </message>
 </context>
 <context>
@@ -3740,6 +3778,57 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>Enter opens a project, Delete takes it off the list.</source>
         <translation>Eingabe öffnet ein Projekt, Entf nimmt es von der Liste.</translation>
+    </message>
+</context>
+<context>
+    <name>Studies</name>
+    <message>
+        <source>capture</source>
+        <translation>Aufnahme</translation>
+    </message>
+    <message>
+        <source>lines</source>
+        <translation>Linien</translation>
+    </message>
+    <message>
+        <source>with it</source>
+        <translation>mit ihr</translation>
+    </message>
+    <message>
+        <source>limit</source>
+        <translation>Grenzwert</translation>
+    </message>
+    <message>
+        <source>changes most</source>
+        <translation>ändert sich am meisten</translation>
+    </message>
+    <message>
+        <source>in σ</source>
+        <translation>in σ</translation>
+    </message>
+    <message>
+        <source>R.m.s. residuals against the calibration without the capture, and with it; F tests whether the capture is like the others. Last, the parameter that would change most without it, in its σ.</source>
+        <translation>Verbesserungen (r.m.s.) gegen die Kalibrierung ohne die Aufnahme, und mit ihr; F prüft, ob sie ist wie die anderen. Zuletzt der Parameter, der sich ohne sie am meisten ändern würde, in seinen σ.</translation>
+    </message>
+    <message>
+        <source>pose of the board</source>
+        <translation>Stellung der Tafel</translation>
+    </message>
+    <message>
+        <source>all σ [%]</source>
+        <translation>alle σ [%]</translation>
+    </message>
+    <message>
+        <source>most of all</source>
+        <translation>am meisten</translation>
+    </message>
+    <message>
+        <source>its σ [%]</source>
+        <translation>dessen σ [%]</translation>
+    </message>
+    <message>
+        <source>Tilt and roll as the camera sees the board, from facing it upright. σ: by how much those of all interior and relative orientations would change on average, and the one that would gain most.</source>
+        <translation>Neigung und Verkantung, wie die Kamera die Tafel sieht, aus frontaler, aufrechter Stellung. σ: um wie viel sich die aller inneren und relativen Orientierungen im Mittel ändern würden, und der Parameter, der am meisten gewinnt.</translation>
     </message>
 </context>
 <context>

@@ -7,6 +7,7 @@ work.py       what the stages' buttons run: pipeline functions that take a proje
 contributions.py   what every capture adds to a calibration
 stages.py     names and states of the stages, without the core
 runs.py       kept runs in tables, two side by side
+studies.py    what captures say of each other and one more would bring, in tables
 volumes.py    calibrations over the working volume, in maps and by depth
 maps.py       levels, round numbers, and light on a surface
 told.py       what the core says, in the operator's language

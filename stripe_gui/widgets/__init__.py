@@ -13,6 +13,7 @@ correlation_view.py correlations as a matrix, and the strongest pairs
 point_map.py        sigmas of the object points over the testfield
 calibrate_form.py   what can be chosen about a calibration
 calibration_results.py  everything a calibration found, and where in the images there are points
+studies.py          captures left out in turn, and the next pose: asked by a button
 plot.py             curves over two axes, and histograms of deviations
 deviation_maps.py   maps of planes on one scale, with a cursor in all of them
 volume_maps.py      a calibration over its working volume, a map for each depth

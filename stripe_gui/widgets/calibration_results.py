@@ -23,6 +23,7 @@ from stripe_gui.widgets.layout import boxed, card, column, emptied, label, make,
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
+from stripe_gui.widgets.studies import CrossValidation, NextPose
 from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.widgets.volume_maps import VolumeMaps
 from stripe_gui.workbench import Workbench
@@ -93,6 +94,7 @@ class CalibrationResults(QWidget):
         self.correlations = CorrelationView()
         self.points = PointMap()
         self.volume = VolumeMaps(bench, self.tr("Uncertainty over the working volume"))
+        self.studies = NextPose(bench), CrossValidation(bench)
         self.tabs = make(QTabWidget, accessibleName=self.tr("Results of the calibration"), documentMode=True)
         self.tabs.tabBar().setDrawBase(False)
         for name, title, widget in (
@@ -102,6 +104,7 @@ class CalibrationResults(QWidget):
             ("correlations", self.tr("Correlations"), self.correlations),
             ("points", self.tr("Object points"), self.points),
             ("volume", self.tr("Working volume"), self.volume),
+            ("captures", self.tr("Captures"), scrolled(boxed(column(*self.studies, None, margins=(0, 12, 12, 12))))),
             ("warnings", self.tr("Warnings"), scrolled(boxed(self._warnings))),
         ):
             widget.setObjectName(name)
@@ -116,11 +119,13 @@ class CalibrationResults(QWidget):
         self.made.setVisible(bool(view.made))
         self.verdicts.show_verdicts(view.verdicts)
         self._tell_warnings(view.warnings)
+        for study in self.studies:
+            study.refresh()
         if before is not None and before.tables == view.tables and before.adjustment is view.adjustment:
             self._fill()  # of another pair, perhaps
             return
         self._due = set(range(self.tabs.count()))
-        for i in range(1, 6):
+        for i in range(1, 7):
             self.tabs.setTabEnabled(i, view.adjustment is not None)
         self._fill()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from PySide6.QtGui import QResizeEvent
@@ -52,6 +53,7 @@ class VolumeMaps(QWidget):
         self.said.setText(self.tr("Working out…"))
         views, title = self._bench.views, self.tr("Working volume")
         self._job = views.run(title, function, *arguments, waits=True, on_done=self._show, on_failed=self._refuse)
+        self._job.cancelled.connect(partial(self._stopped, self._job))
 
     def _show(self, view: VolumeView) -> None:
         at = self.table.chosen_row()
@@ -69,6 +71,10 @@ class VolumeMaps(QWidget):
         what, remedy = (sentence(text).rstrip(".") for text in (told.happened, told.remedy))
         self.said.setText(self.tr("{what}. {remedy}.").format(what=what, remedy=remedy))
         self._body.hide()
+
+    def _stopped(self, job: Job) -> None:
+        if job is self._job:  # nothing else is looked at: the next look asks again
+            self._asked = None
 
     def _draw(self) -> None:
         at, kind = self.table.chosen_row(), self.kind.currentIndex()

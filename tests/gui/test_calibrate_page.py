@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from pathlib import Path
@@ -15,7 +16,8 @@ from core.model import Adjustment
 from core.pipeline import calibrate_project, current_runs, list_runs, measure_project
 from core.project import load_archive, read_capture, read_project
 from stripe_gui.presenters.stages import State
-from tests.gui.hands import click, idle
+from tests.copies import own
+from tests.gui.hands import PATIENCE_MS, click, front, idle
 
 
 @pytest.fixture
@@ -260,6 +262,50 @@ def test_runs_are_named_deleted_after_asking_and_compared(
     click(runs.delete_button, qtbot)
     assert [run.number for run in list_runs(project)] == [2]
     assert "once there are two" in runs.nothing.text()
+
+
+def test_captures_are_left_out_and_the_next_pose_is_found_unless_it_is_cancelled(
+    open_page, window, bench, finished_project: Path, notices, qtbot
+) -> None:
+    page = open_page(finished_project)
+    page.go_to("results")
+    front(page.results.tabs, "captures")
+    pose, study = page.results.studies
+    before = {path: path.stat().st_mtime_ns for path in finished_project.rglob("*")}
+    click(study.ask_button, qtbot)
+    assert not study.ask_button.isEnabled()
+    qtbot.waitUntil(lambda: bench.jobs.running is not None and bench.jobs.running.fraction > 0)
+    with qtbot.waitSignal(study._job.cancelled, timeout=PATIENCE_MS):
+        click(window.job_bar.cancel, qtbot)
+    assert study.table.isHidden()
+    click(study.ask_button, qtbot)
+    click(pose.ask_button, qtbot)
+    idle(window, qtbot)
+    assert study.verdicts.boxes[0].verdict.state == "passed"
+    table = study.table.model.table
+    assert table.columns[:5] == ("capture", "Camera [px]", "with it", "Projector [lines]", "with it")
+    file = finished_project / "results" / "runs" / "0001" / "adjustment.npz"
+    adjustment = load_archive(file, Adjustment)
+    for capture, *residuals in table.rows:
+        for device, (without, fitted) in zip(("camera", "projector"), (residuals[:2], residuals[2:4]), strict=True):
+            station = adjustment.network.station_names.index(f"{capture}/{device}")
+            v = adjustment.residuals[adjustment.network.observation_station == station]
+            # adjusted again with estimated variances of the devices: weights are a little different
+            assert fitted.value == pytest.approx(np.sqrt(np.nanmean(v**2)), rel=0.02)
+            assert without.value > fitted.value
+    study.table.choose_row(4)
+    assert bench.session.capture_name == "testfield-05"
+    assert pose.table.model.rowCount() == 3
+    gains = [row[1].value for row in pose.table.model.table.rows]
+    assert gains == sorted(gains)
+    assert gains[0] < 0  # in per cent: the sigmas fall
+    assert {path: path.stat().st_mtime_ns for path in finished_project.rglob("*")} == before
+    # of another calibration it says nothing
+    os.utime(own(file.with_name("photogrammetric.npz")))
+    page.refresh()
+    assert study.table.isHidden()
+    assert pose.table.isHidden()
+    assert not [n for n in notices if n.kind == "error"]
 
 
 def test_the_object_points_tell_their_sigmas_in_every_direction(

@@ -20,8 +20,9 @@ from stripe_gui.presenters.told import speak, told
 ROOMS = """
 checks/* pipeline/differences pipeline/graph pipeline/causes pipeline/evidence pipeline/judge pipeline/states
 pipeline/holdings pipeline/inputs pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_words
-pipeline/methods/*
-calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/photogrammetric
+pipeline/methods/* pipeline/volumes
+calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/next_pose
+calibrate/photogrammetric
 calibrate/rigid calibrate/selection calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/*
 measure/kinds/* orient/motion exchange/pinhole
 capture/fitness capture/quality capture/identity capture/mistakes capture/preflight

@@ -217,7 +217,9 @@ def _volume(
 
 
 def _cross_validate(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.pipeline.volumes import left_out_figures
+    from core.cli.console import print_verdict
+    from core.figures import verdict_figures
+    from core.pipeline.volumes import left_out_figures, left_out_verdict
 
     found = left_out_figures(options.project, options.kept, progress)
     for one in found:
@@ -229,7 +231,9 @@ def _cross_validate(options: Options, progress: Progress) -> dict[str, Any]:
     print(
         "r.m.s. residuals (px, lines) foreseen by the other captures (with the capture); what changes most without it"
     )
-    return {"captures": found}
+    verdict = verdict_figures(left_out_verdict(found))
+    print_verdict("captures", verdict)
+    return {"captures": found, "verdict": verdict}
 
 
 def _next_pose(options: Options, progress: Progress) -> dict[str, Any]:
@@ -237,11 +241,8 @@ def _next_pose(options: Options, progress: Progress) -> dict[str, Any]:
 
     found = next_pose_figures(options.project, options.kept, progress)
     for one in found:
-        tilt = (
-            f"tilted {one['tilt_deg']:.0f}° about {one['about_deg']:.0f}°" if one["tilt_deg"] else "facing the camera"
-        )
-        place = f"{tilt}, rolled {one['roll_deg']:.0f}°, {one['distance_mm']:.0f} mm away"
-        print(f"{place}: sigmas {one['gain']:.1%} smaller on average, {one['parameter']} {one['most']:.1%}")
+        gain = f"sigmas {one['gain']:.1%} smaller on average, {one['parameter']} {one['most']:.1%}"
+        print(f"{one['words']}: {gain}")
     return {"poses": found}
 
 

@@ -17,6 +17,7 @@ from core.calibrate import (
     next_poses,
 )
 from core.calibrate.adjust import solve_network
+from core.calibrate.next_pose import NextPose
 from core.calibrate.rigid import rigidity_of
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
@@ -417,6 +418,28 @@ def test_what_the_other_captures_foresee_is_what_an_adjustment_without_one_fores
             # without the wrong capture the variance factors are others, which the normal equations do not know
             assert one.foreseen_px[name] == pytest.approx(np.sqrt(np.nanmean(residual**2)), rel=0.05)
             assert one.foreseen_px[name] > one.fitted_px[name]
+
+
+def test_the_side_of_the_board_that_a_pose_names_is_the_nearest():
+    """Eight axes across the view: the camera looks along -Z, so the greatest Z of the board's rim is nearest."""
+    angles = np.radians(np.arange(0, 360, 45))
+    rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(8)], axis=1)  # from the right anticlockwise, Y up
+    sides = (
+        "right side",
+        "upper right",
+        "upper edge",
+        "upper left",
+        "left side",
+        "lower left",
+        "lower edge",
+        "lower r",
+    )
+    for about in np.arange(0.0, 360.0, 45.0):
+        tilt = matrix_from_rotation_vector(0.5 * np.array([np.cos(np.radians(about)), np.sin(np.radians(about)), 0]))
+        nearest = sides[int(np.argmax((rim @ tilt.T)[:, 2]))]
+        words = NextPose(30.0, about, 90.0, 600.4, 0.1, "camera.c", 0.2).words
+        assert words.startswith(f"tilted by 30°, its {nearest}")
+        assert words.endswith("towards the camera; rolled by 90°; 600 mm away")
 
 
 def test_what_one_more_pose_brings_is_what_an_adjustment_with_it_has(measured):

@@ -1,0 +1,102 @@
+"""Questions to the calibration in use that take a while: asked by a button, answered below it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtWidgets import QFrame
+
+from core.pipeline.volumes import left_out_figures, left_out_verdict, next_pose_figures
+from stripe_gui.jobs import Job
+from stripe_gui.presenters.folder import version
+from stripe_gui.presenters.studies import left_out_table, next_pose_table
+from stripe_gui.widgets.layout import button, column, label, row
+from stripe_gui.widgets.result_table import ResultTable
+from stripe_gui.widgets.verdict import VerdictList
+from stripe_gui.workbench import Workbench
+
+Version = tuple[Path, tuple[int, int] | None]
+
+
+class Study(QFrame):
+    """A question and its answer, which goes when another calibration is in use."""
+
+    def __init__(self, bench: Workbench, title: str, about: str, ask: str, function: Callable[..., Any]) -> None:
+        super().__init__()
+        self._bench, self._title, self._function = bench, title, function
+        self._job: Job | None = None
+        self._of: Version | None = None
+        self.setProperty("role", "card")
+        self.ask_button = button(ask, self.ask, "run")
+        self.verdicts = VerdictList()
+        self.table = ResultTable(title, titled=False)
+        top = row((label(about, "muted", wrap=True), 1), self.ask_button)
+        inside = column(label(title, "heading"), top, self.verdicts, self.table, spacing=8, margins=(16, 14, 16, 14))
+        self.setLayout(inside)
+        self.table.hide()
+        self.refresh()
+
+    def ask(self) -> None:
+        """Work the answer out as a job."""
+        self._of = self._in_use()
+        jobs, project = self._bench.jobs, self._bench.session.opened.project
+        failed = self._bench.report_failure
+        self._job = jobs.run(self._title, self._function, project, on_done=self._answered, on_failed=failed)
+        self._job.ended.connect(self.refresh)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Ask anew about another calibration; the button waits for the answer."""
+        running = self._job is not None and self._job.active
+        used = self._in_use()
+        self.ask_button.setEnabled(used is not None and not running)
+        if used != self._of:
+            self.verdicts.show_verdicts({})
+            self.table.hide()
+
+    def _in_use(self) -> Version | None:
+        """Tell the photogrammetric calibration in use from others."""
+        folder = self._bench.session.folder
+        file = None if folder is None else folder.result_file("photogrammetric.npz")
+        return None if file is None or not file.exists() else (file, version(file))
+
+    def _answered(self, found: list[dict[str, Any]]) -> None:
+        if self._of == self._in_use():
+            self.show_answer(found)
+            self.table.fit_height()
+            self.table.show()
+
+    def show_answer(self, found: list[dict[str, Any]]) -> None:
+        """Put what was found into the table."""
+
+
+class CrossValidation(Study):
+    """Every capture left out in turn."""
+
+    def __init__(self, bench: Workbench) -> None:
+        about = self.tr("Leaves each capture out in turn and tests whether the others predict what it shows.")
+        super().__init__(bench, self.tr("Cross-validation"), about, self.tr("Leave each out"), left_out_figures)
+        self.table.row_chosen.connect(self._choose)
+
+    def show_answer(self, found: list[dict[str, Any]]) -> None:
+        """Show the verdict and every capture."""
+        self.verdicts.show_verdicts({self.tr("captures against each other"): left_out_verdict(found)})
+        self.table.show_table(left_out_table(found, self._bench.session.opened.project.rig))
+
+    def _choose(self, index: int) -> None:
+        """Look at a capture on the other pages, too."""
+        self._bench.session.choose_capture(str(self.table.model.table.rows[index][0]))
+
+
+class NextPose(Study):
+    """What one more pose would bring, and which."""
+
+    def __init__(self, bench: Workbench) -> None:
+        about = self.tr("Tries 108 poses of the board by their covariance: which one more capture would bring most.")
+        super().__init__(bench, self.tr("Next pose"), about, self.tr("Find the best pose"), next_pose_figures)
+
+    def show_answer(self, found: list[dict[str, Any]]) -> None:
+        """Show the poses, the best first."""
+        self.table.show_table(next_pose_table(found))
