@@ -61,7 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     console = Console(started)
     try:
-        options = parser().parse_args(arguments)
+        given = sys.argv[1:] if arguments is None else list(arguments)
+        options = parser(*given[:1]).parse_args(given)
         if options.json not in (None, "-"):
             _check_json(Path(options.json), getattr(options, "out", None))
         with _guarded(options), _told(options.json):
@@ -96,14 +97,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 128 + (ended.args or (signal.SIGINT,))[0]
 
 
-def parser() -> Parser:
-    """Make the parser of all commands."""
+def parser(only: str | None = None) -> Parser:
+    """Make the parser of all commands, or of one alone if there is one of that name."""
     whole = Parser(prog="stripe-core", description="Decode, calibrate, reconstruct and evaluate stripe projectors.")
     whole.add_argument("--version", action=Version, nargs=0, help="say the version and end")
-    commands = Commands(whole)
+    commands = Commands(whole, only)
     for group in GROUPS:
         group.add(commands)
-    return whole
+    return whole if commands else parser()
 
 
 def _guarded(options: Options) -> AbstractContextManager[None]:

@@ -35,6 +35,19 @@ class Parser(argparse.ArgumentParser):
         raise InputError("arguments", message, f"see `{self.prog} --help`")
 
 
+class Unasked(Parser):
+    """Stands for a command that is not run: 35 parsers take longer to make than many a command takes to run."""
+
+    def __init__(self) -> None:
+        pass
+
+    def add_argument(self, *_: Any, **__: Any) -> Any:
+        """Leave it out."""
+
+    def set_defaults(self, **_: Any) -> None:
+        """Leave them out."""
+
+
 class Version(argparse.Action):
     """Say the version, which takes longer to find than all other commands' arguments, only where it is asked for."""
 
@@ -47,13 +60,19 @@ class Version(argparse.Action):
 
 
 class Commands:
-    """The commands of the program, to which every group adds its own."""
+    """The commands of the program, to which every group adds its own; or one of them alone."""
 
-    def __init__(self, parser: Parser) -> None:
+    def __init__(self, parser: Parser, only: str | None = None) -> None:
         self._parsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=Parser)
+        self._only = only
+
+    def __bool__(self) -> bool:
+        return bool(self._parsers.choices)
 
     def add(self, name: str, run: Run, text: str) -> Parser:
         """Declare a command: its name, what it runs and one line of help; give the parser for its arguments."""
+        if self._only not in (None, name):
+            return Unasked()
         parser: Parser = self._parsers.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         parser.set_defaults(run=run)
         parser.add_argument("--json", metavar="FILE", help="write the figures (- for standard output)")
