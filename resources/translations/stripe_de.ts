@@ -2393,6 +2393,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>Ganzes Bild</translation>
     </message>
     <message>
+        <source>A good next pose, by the calibration in use: {words}.</source>
+        <translation>Eine gute nächste Stellung nach der verwendeten Kalibrierung: {words}.</translation>
+    </message>
+    <message>
         <source>The brightest places use {share:.0f} % of the camera&apos;s range.</source>
         <translation>Die hellsten Stellen nutzen {share:.0f} % des Bereichs der Kamera.</translation>
     </message>

@@ -12,6 +12,7 @@ from core.pipeline.volumes import left_out_figures, left_out_verdict, next_pose_
 from stripe_gui.jobs import Job
 from stripe_gui.presenters.folder import version
 from stripe_gui.presenters.studies import left_out_table, next_pose_table
+from stripe_gui.presenters.told import told
 from stripe_gui.widgets.layout import button, column, label, row
 from stripe_gui.widgets.result_table import ResultTable
 from stripe_gui.widgets.verdict import VerdictList
@@ -50,11 +51,15 @@ class Study(QFrame):
     def refresh(self) -> None:
         """Ask anew about another calibration; the button waits for the answer."""
         running = self._job is not None and self._job.active
-        used = self._in_use()
-        self.ask_button.setEnabled(used is not None and not running)
-        if used != self._of:
+        self.ask_button.setEnabled(self.possible and not running)
+        if self._in_use() != self._of:
             self.verdicts.show_verdicts({})
             self.table.hide()
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is a calibration to ask."""
+        return self._in_use() is not None
 
     def _in_use(self) -> Version | None:
         """Tell the photogrammetric calibration in use from others."""
@@ -100,3 +105,9 @@ class NextPose(Study):
     def show_answer(self, found: list[dict[str, Any]]) -> None:
         """Show the poses, the best first."""
         self.table.show_table(next_pose_table(found))
+
+    @property
+    def words(self) -> str:
+        """How to hold the board for the pose that was chosen, or for the best; empty while none was looked for."""
+        rows = self.table.model.table.rows
+        return "" if self.table.isHidden() else told(str(rows[self.table.chosen_row() or 0][0]))

@@ -25,7 +25,12 @@ from tests.gui.hands import click, idle
 @pytest.fixture
 def wizard(window, project: Path, qtbot):
     """The wizard on a recorded project, both virtual devices tested; opened as an operator does."""
-    assert window.open_path(project)
+    return opened(window, project, qtbot)
+
+
+def opened(window, folder: Path, qtbot):
+    """Open the wizard by its keys, and wait for the devices."""
+    assert window.open_path(folder)
     window.show_page("capture")
     with qtbot.waitActive(window):
         qtbot.keyClick(window, Qt.Key.Key_T, Qt.KeyboardModifier.ControlModifier)
@@ -50,6 +55,7 @@ def test_from_the_capture_page_to_a_stored_capture(wizard, window, project: Path
     assert "160 × 160" in wizard.devices.connection.words[0]
     click(wizard.next_button, qtbot)
     assert wizard.subject.name.text() == "testfield-09"
+    assert wizard.subject.pose.isHidden()  # nothing is calibrated
     click(wizard.next_button, qtbot)
     assert wizard.sequence.strip.count() == len(wizard.devices.connection.patterns)
     take(wizard, qtbot)
@@ -64,6 +70,28 @@ def test_from_the_capture_page_to_a_stored_capture(wizard, window, project: Path
     assert window.page.id == "capture"
     assert window.bench.session.capture_name == "testfield-09"
     assert not [n for n in notices if n.kind == "error"]
+
+
+def test_the_best_pose_for_a_calibrated_rig_is_told_beside_the_live_picture(
+    window, finished_project: Path, qtbot
+) -> None:
+    wizard = opened(window, finished_project, qtbot)
+    subject = wizard.subject
+    go_to(wizard, "subject", qtbot)
+    click(subject.pose.ask_button, qtbot)
+    idle(window, qtbot)
+    best, second, _ = (row[0] for row in subject.pose.table.model.table.rows)
+    for row, words in ((None, best), (1, second)):  # the best, unless another is chosen
+        if row is not None:
+            subject.pose.table.choose_row(row)
+        go_to(wizard, "picture", qtbot)
+        assert words in wizard.picture.pose.text()
+        assert wizard.picture.pose.isVisible()
+        wizard.go_to("subject")
+    subject.role.setCurrentIndex(subject.role.findData("object"))
+    assert subject.pose.isHidden()
+    wizard.go_to("picture")
+    assert wizard.picture.pose.isHidden()
 
 
 def test_whoever_leaves_for_other_pictures_lets_the_devices_go(wizard, window, qtbot) -> None:

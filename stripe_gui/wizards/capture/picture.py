@@ -80,7 +80,9 @@ class PictureStep(QWidget):
         inside.setSpacing(6)
         side = boxed(column(light, figures, None))
         side.setFixedWidth(240)
-        self.setLayout(row(self.view, side))
+        self.pose = label("", wrap=True)
+        self.tell_pose("")
+        self.setLayout(row(column(self.pose, (self.view, 1), spacing=8), side))
         self._timer = QTimer(self, singleShot=True, interval=PAUSE_MS)
         self._timer.timeout.connect(self._again)
         self._look: Look | None = None
@@ -89,6 +91,11 @@ class PictureStep(QWidget):
         self._show_setting()
         self.live.setEnabled(True)
         self._again()
+
+    def tell_pose(self, words: str) -> None:
+        """Say how to hold the board while it is looked at; nothing where nothing was found out."""
+        self.pose.setText(self.tr("A good next pose, by the calibration in use: {words}.").format(words=words))
+        self.pose.setVisible(bool(words))
 
     def hideEvent(self, event: QHideEvent) -> None:  # noqa: N802
         """Stop looking; the devices are let go."""

@@ -11,6 +11,8 @@ from core.model import Project, Subject
 from stripe_gui.presenters.capturing import Unfinished, boards, next_name, role_choices, taken_names, unfinished
 from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.layout import card, column, label, make
+from stripe_gui.widgets.studies import NextPose
+from stripe_gui.workbench import Workbench
 
 
 class SubjectForm(QWidget):
@@ -125,10 +127,11 @@ class SubjectForm(QWidget):
 
 
 class SubjectStep(SubjectForm):
-    """The same, or an interrupted capture to go on with."""
+    """The same, with the best pose for one more testfield, or an interrupted capture to go on with."""
 
-    def __init__(self) -> None:
+    def __init__(self, bench: Workbench) -> None:
         super().__init__()
+        self.pose = NextPose(bench)
         self._unfinished: tuple[Unfinished, ...] = ()
         name = self.tr("Interrupted captures")
         self.interrupted = make(QListWidget, accessibleName=name, wordWrap=True, maximumHeight=130)
@@ -137,6 +140,7 @@ class SubjectStep(SubjectForm):
         inside.addWidget(self.interrupted)
         layout = self.layout()
         assert isinstance(layout, QVBoxLayout)
+        layout.addWidget(self.pose)
         layout.addWidget(self.interrupted_card)
         layout.addStretch(1)
         self.interrupted.itemActivated.connect(self._go_on)
@@ -158,6 +162,20 @@ class SubjectStep(SubjectForm):
             self.interrupted.addItems([f"{item.subject.name}\n{item.state}" for item in self._unfinished])
         self.interrupted_card.setVisible(bool(self._unfinished))
         super().offer(project)
+
+    def offer_pose(self) -> None:
+        """Offer to look for the best pose of a testfield where there is a calibration."""
+        self.pose.refresh()
+        self.pose.setVisible(self.pose.possible and self.subject.role == "testfield")
+
+    @property
+    def pose_words(self) -> str:
+        """How to hold the board, if that was looked for."""
+        return self.pose.words if self.subject.role == "testfield" else ""
+
+    def _role_chosen(self) -> None:
+        super()._role_chosen()
+        self.offer_pose()
 
     def _going_on(self) -> Subject | None:
         at = self.interrupted.currentRow()

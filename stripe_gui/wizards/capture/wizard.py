@@ -46,7 +46,7 @@ class CaptureWizard(Wizard):
         self._closing = JobQueue(self)  # of its own: what the next page looks at would take its place
         self._path = ""
         self.devices = DevicesStep(bench, self.rig)
-        self.subject = SubjectStep()
+        self.subject = SubjectStep(bench)
         self.sequence = SequenceForm(bench, self.tr("The projector's own"))
         self.planned = label("", "muted", wrap=True)
         self.picture = PictureStep(bench, self.devices)
@@ -58,7 +58,7 @@ class CaptureWizard(Wizard):
         self.add_step("devices", self.tr("Devices"), devices, enter=self.devices.enter, missing=self.devices.missing)
         self.add_step("subject", self.tr("What"), subject, enter=self._enter_subject, missing=self.subject.missing)
         self.add_step("sequence", title, sequence, enter=self._enter_sequence, missing=self.sequence.missing)
-        self.add_step("picture", self.tr("Live picture"), self.picture, enter=self.picture.enter)
+        self.add_step("picture", self.tr("Live picture"), self.picture, enter=self._enter_picture)
         self.add_step("checks", self.tr("Check the rig"), self.checks)
         self.add_step("take", self.tr("Take"), self.taking, enter=self._enter_take, missing=self.taking.missing)
         for step in (self.devices, self.subject, self.picture, self.checks, self.taking):
@@ -111,12 +111,17 @@ class CaptureWizard(Wizard):
     def _enter_subject(self) -> None:
         if self.devices.connection is not None:
             self.bench.settings.set(RIG, "\n".join((self._path, *self.devices.urls)))
+        self.subject.offer_pose()
 
     def _enter_sequence(self) -> None:
         if self.devices.connection is not None:
             self.sequence.show_projector(self.devices.connection.shown)
         if self.sequence.view is None:
             self.sequence.look()
+
+    def _enter_picture(self) -> None:
+        self.picture.tell_pose(self.subject.pose_words)
+        self.picture.enter()
 
     def _enter_take(self) -> None:
         self.taking.prepare(self.subject.subject)
