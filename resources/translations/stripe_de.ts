@@ -385,6 +385,10 @@
         <translation>{device}: {name} schätzen</translation>
     </message>
     <message>
+        <source>Camera and projector</source>
+        <translation>Kamera und Projektor</translation>
+    </message>
+    <message>
         <source>Parameters to estimate</source>
         <translation>Zu schätzende Parameter</translation>
     </message>
@@ -415,6 +419,10 @@
     <message>
         <source>Needs at least {n} plate positions. A higher degree follows the optics more closely and the noise too.</source>
         <translation>Braucht mindestens {n} Plattenstellungen. Ein höherer Grad folgt der Optik genauer, dem Rauschen auch.</translation>
+    </message>
+    <message>
+        <source>The depth of this camera&apos;s pixels follows from this projector&apos;s lines.</source>
+        <translation>Die Tiefe der Pixel dieser Kamera folgt aus den Linien dieses Projektors.</translation>
     </message>
     <message>
         <source>Every pixel keeps its own depth curve; its noise stays in the result.</source>

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
@@ -22,7 +24,7 @@ NORMAL_SHARES = (68.27, 95.45, 99.73)  # percent of a normal distribution within
 class EvaluationView:
     """Everything that is shown of an evaluation; maps and histograms share the scale ±`limit_mm`."""
 
-    evaluations: tuple[PlaneEvaluation, ...]  # of one camera and one projector
+    evaluations: tuple[PlaneEvaluation, ...]  # of one camera, by one projector and by all devices together
     limit_mm: float
     table: Table
     camera: DeviceSpec
@@ -55,7 +57,11 @@ def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Prog
         return None
     (table,) = CHAPTERS["planes"].tables(ReportData(folder.project, evaluations=evaluations))
     of_camera = tuple(e for e in evaluations if e.devices[0] == pair[0])  # that it and others made, if no pair did
-    own = tuple(e for e in of_camera if e.devices == pair) or of_camera or evaluations
+    own = tuple(e for e in of_camera if e.devices == pair)
+    if own:  # beside it, as if by another method, what all devices made together
+        together = [e for e in of_camera if e.devices[1] not in folder.project.rig.projectors]
+        own += tuple(replace(e, method=f"{e.method}, {e.devices[1]}") for e in together)
+    own = own or of_camera or evaluations
     camera = folder.project.rig.cameras[own[0].devices[0]]
     return EvaluationView(own, colour_limit_mm(evaluations), table, camera, _verdicts(evaluations), evaluations)
 

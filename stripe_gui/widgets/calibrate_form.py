@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from PySide6.QtCore import Signal
@@ -14,7 +14,7 @@ from core.pipeline.options import DEVICES
 from stripe_gui.presenters.status import device_name
 from stripe_gui.presenters.told import told
 from stripe_gui.presenters.work import CalibrateChoice, chosen_methods
-from stripe_gui.widgets.layout import boxed, choice, column, emptied, label, real, row
+from stripe_gui.widgets.layout import boxed, choice, column, emptied, label, real, refill, row
 
 
 class CalibrateForm(QWidget):
@@ -28,10 +28,13 @@ class CalibrateForm(QWidget):
         self._consequences: dict[QWidget, QLabel] = {}
         self.parameters: dict[str, QCheckBox] = {}  # by names such as "camera.A3"; ticked: estimated
         self._devices: dict[str, tuple[str, ...]] = {}
+        self._pairs: tuple[tuple[str, str], ...] = ()
         self._make_fields()
         methods = self._block(self.tr("Method"), self.method)
         network = [self._block("", self.rigid), self._block("", self.reject, self.limit), self._parameters()]
-        depth = [
+        self._pair = boxed(self._block(self.tr("Camera and projector"), self.pair))
+        depth: list[QWidget | QVBoxLayout] = [
+            self._pair,
             self._block(self.tr("Depth as a function of the phase"), self.degree),
             self._block(self.tr("Low-pass of the depth calibration"), self.low_pass),
         ]
@@ -42,6 +45,7 @@ class CalibrateForm(QWidget):
         layout.insertSpacing(1, 4)
         self.setLayout(layout)
         self.show_devices(dict.fromkeys(DEVICES, LENSES["A1..A6"].names))
+        self.show_pairs((), DEVICES)
         self.set_choice(CalibrateChoice())
 
     def show_devices(self, devices: Mapping[str, tuple[str, ...]]) -> None:
@@ -63,6 +67,13 @@ class CalibrateForm(QWidget):
         self._grid.setColumnStretch(max(map(len, devices.values())) + 1, 1)
         self._change()
 
+    def show_pairs(self, pairs: Sequence[tuple[str, str]], meant: tuple[str, str]) -> None:
+        """Offer the pairs whose depth can be calibrated, where there are several; what is shown means one."""
+        self._pairs, self._meant = tuple(pairs), meant
+        names = [" – ".join(pair) for pair in pairs]
+        refill(self.pair, zip(names, names, strict=True), " – ".join(meant))
+        self._pair.setVisible(len(pairs) > 1)
+
     def set_narrow(self, narrow: bool) -> None:
         """Put what belongs to the two methods below each other, or side by side."""
         ways = QBoxLayout.Direction
@@ -76,6 +87,7 @@ class CalibrateForm(QWidget):
         self.limit = real(self.tr("Limit of gross errors"), 3.0, 99.0, 1, self._change, " σ", step=0.5)
         degrees = [(self.tr("polynomial of degree {n}").format(n=degree), degree) for degree in (1, 2, 3, 4, 5)]
         self.degree = choice("", self._change, *degrees, (self.tr("table, linear between plates"), None))
+        self.pair = choice("", self._change)
         self.low_pass = real("", 0.0, 20.0, 2, self._change, " px", step=0.5)
         self.low_pass.setSpecialValueText(self.tr("none"))
         for box in (self.rigid, self.reject):
@@ -108,6 +120,8 @@ class CalibrateForm(QWidget):
             hold=tuple(name for name, box in self.parameters.items() if not box.isChecked()),
             reject_beyond=self.limit.value() if self.reject.isChecked() else None,
         )
+        if self._pairs and (pair := self._pairs[self.pair.currentIndex()]) != self._meant:
+            options = replace(options, camera=pair[0], projector=pair[1])
         return CalibrateChoice(self.method.currentData(), options)
 
     def set_choice(self, choice: CalibrateChoice) -> None:
@@ -135,6 +149,7 @@ class CalibrateForm(QWidget):
             *(("hold", box) for box in self.parameters.values()),
             ("degree", self.degree),
             ("low_pass_px", self.low_pass),
+            ("camera", self.pair),
         ):
             widget.setEnabled(option in read)
         self.limit.setEnabled(self.reject.isEnabled() and self.reject.isChecked())
@@ -167,6 +182,7 @@ class CalibrateForm(QWidget):
             else self.tr(
                 "Needs at least {n} plate positions. A higher degree follows the optics more closely and the noise too."
             ).format(n=degree + 1),
+            self.pair: self.tr("The depth of this camera's pixels follows from this projector's lines."),
             self.low_pass: self.tr("Every pixel keeps its own depth curve; its noise stays in the result.")
             if self.low_pass.value() == 0
             else self.tr("Neighbouring pixels are averaged: less noise, and detail finer than this is lost."),

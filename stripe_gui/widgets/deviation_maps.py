@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QGridLayout, QWidget
 
 from core.model import PlaneEvaluation
 from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
-from stripe_gui.presenters.told import told
+from stripe_gui.presenters.told import sentence, told
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.image_view import ARROWS, ImageView
 from stripe_gui.widgets.layout import boxed, button, column, emptied, label, real, row, scrolled
@@ -60,7 +60,7 @@ class DeviationMaps(QWidget):
         before, self._view = self._view, view
         for i, method in enumerate(view.methods):
             if not self._beside:
-                self._grid.addWidget(label(told(method).capitalize(), "heading"), 2 * i, 0, 1, -1)
+                self._grid.addWidget(label(sentence(method), "heading"), 2 * i, 0, 1, -1)
             for j, capture in enumerate(captures or view.captures):
                 evaluation = view.of(capture, method)
                 if evaluation is not None:
@@ -103,7 +103,7 @@ class DeviationMaps(QWidget):
         self.maps.append(made)
         self._captures.append(evaluation.capture)
         self._cursors.append(cursor)
-        title = label(method.capitalize() if self._beside else plane_name(evaluation))
+        title = label(sentence(evaluation.method) if self._beside else plane_name(evaluation))
         figures = label(self.tr("{rms:.4f} mm r.m.s.").format(rms=evaluation.rms_mm), "muted")
         figures.setToolTip(self.tr("{n} points").format(n=evaluation.n))
         heading = row(title, figures, None) if self._beside else column(title, figures, spacing=0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,16 @@ from core.capture.plan import make_plan
 from core.errors import InputError
 from core.geometry.pairs import names_of, orientation_names
 from core.model import Adjustment, Orientation, PhotogrammetricCalibration, Subject
+from core.pipeline import load_evaluation
+from core.pipeline.evaluate import TOGETHER
 from core.pipeline.options import check_options
 from core.pipeline.runs import keep_run, list_runs, run_folder
 from core.pipeline.sequences import import_into
-from core.project import load_archive, read_capture, read_image, read_project, write_image
+from core.project import load_archive, read_capture, read_image, read_project, save_archive, write_image
 from stripe_gui.pages.page import PairChoice
 from stripe_gui.presenters.capture import rig_lines
+from stripe_gui.presenters.evaluate import load_evaluation as evaluation_of
+from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.sequences import Shown, look_at
 from tests.gui.hands import front, idle
 
@@ -187,3 +192,35 @@ def test_the_uncertain_scale_of_a_rig_is_that_share_of_every_distance(
         assert all(row[3] < 1e-6 and row[4] < 1e-6 for row in rows)  # the lenses are known
         seen.append(rows)
     assert seen[0] != seen[1]
+
+
+def test_the_pair_of_the_depth_calibration_is_chosen_and_kept(window, pair_project: Path, qtbot) -> None:
+    assert window.open_path(pair_project)
+    window.show_page("calibrate")
+    idle(window, qtbot)
+    form = window.page.form
+    assert form.pair.isVisible()
+    assert [form.pair.itemText(i) for i in range(form.pair.count())] == ["left – projector", "right – projector"]
+    assert (form.choice().options.camera, form.choice().options.projector) == ("", "")  # as where nothing is named
+    form.pair.setCurrentIndex(1)
+    options = window.page.choice().options
+    assert (options.camera, options.projector) == ("right", "projector")
+    form.method.setCurrentIndex(form.method.findData("photogrammetric"))
+    assert not form.pair.isEnabled()  # nothing of it is read
+
+
+def test_what_all_devices_made_stands_beside_the_pair(finished: Path, pair_project: Path) -> None:
+    plane, *_ = load_evaluation(read_project(finished))
+    rows = [
+        replace(plane, devices=(camera, by), deviation_mm=np.full_like(plane.deviation_mm, k))
+        for k, (camera, by) in enumerate(product(("left", "right"), ("projector", TOGETHER)))
+    ]
+    save_archive(pair_project / "results" / "evaluation.npz", tuple(rows))
+    folder = ProjectFolder(pair_project)
+    for camera, first in (("left", 0), ("right", 2)):
+        view = evaluation_of(folder, (camera, "projector"))
+        assert view.methods == [plane.method, f"{plane.method}, all devices"]
+        shown = [view.of(plane.capture, method).deviation_mm[0, 0] for method in view.methods]
+        assert shown == [first, first + 1]
+        assert view.camera is folder.project.rig.cameras[camera]
+        assert {e.method for e in view.every} == {plane.method}

@@ -102,6 +102,8 @@ class CalibratePage(PartsPage):
             devices = folder.project.rig.devices.items()
             self.form.show_devices({name: lens_of(spec).names for name, spec in devices if not spec.labels_only})
             self.form.set_choice(choice)
+            rig = folder.project.rig
+            self.form.show_pairs(rig.pairs, rig.pair(choice.options.camera, choice.options.projector))
             self.captures.show_captures(())
             self.captures.set_without(choice.options.without)
             self.go_to("results" if self._calibrated() else "method")

@@ -69,5 +69,5 @@ def is_evaluated(
     """
     if view is None:
         return False
-    made = {(e.capture, e.method) for e in view.evaluations if e.camera is not None}
+    made = {(e.capture, e.method) for e in view.every if e.camera is not None}
     return made == {(c, m) for c in captures for m in methods} and graph_of(folder).evaluation_fits
