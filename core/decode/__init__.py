@@ -1,6 +1,7 @@
 """Decode: from the frames of a capture to projector coordinates with sigma and validity.
 
 absolute.py   `decode`: the order of things
+known.py      what the patterns and a sample of the pixels tell before
 options.py    thresholds, and the flags that say why a pixel is invalid
 exposures.py  several exposures of a pattern made one image
 frames.py     checks and sorts the frames by what they tell
@@ -9,6 +10,7 @@ tables.py     the least-squares and other linear combinations of frames, as tabl
 noise.py      the noise of the grey values, from combinations of frames that show nothing else
 curves.py     response curves, and what they make of sine fringes
 response.py   the projector's response, found in the frames (fitting.py); sine fringes made straight
+camera.py     the camera's own curve, found beside it; grey values made even steps of the light
 crowding.py   how evenly the phases lie over their period, which tells a bent one
 flicker.py    frames lit by more or less light than the others
 late.py       frames that show the pattern before, in some rows or in all

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, reduce
+from functools import reduce
 from operator import or_
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.agreement import contradiction, refuse_open_orders, widen
-from core.decode.balance import balance
+from core.decode.camera import TONE, unbend
 from core.decode.codes import codes_alone, refine_codes
 from core.decode.compressed import COMPRESSED, roughness
 from core.decode.curves import LEVELS
@@ -20,60 +20,41 @@ from core.decode.detours import bent_by, second_light
 from core.decode.edges import sigma_of_edges
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
-from core.decode.fitting import estimate_response
-from core.decode.flicker import steady
 from core.decode.footprint import draw_back
-from core.decode.frames import Image, SortedFrames, check_images, sort_frames
-from core.decode.harmonics import SquareWave, measure_bend, square_waves
+from core.decode.frames import Image, check_images
 from core.decode.islands import drop_islands, farthest
 from core.decode.kernel import decode_pixels, scratch_for
+from core.decode.known import AXES, Prepared, Seen, measure, prepare
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
 from core.decode.mixed import doubt_mixtures, drop_rim, drop_vague
 from core.decode.neighbours import ask_neighbours
-from core.decode.noise import Noise, contrasts
+from core.decode.noise import Noise
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
-from core.decode.plan import plan_axis
-from core.decode.response import Response, Wave, shade, straighten, waves_of
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import (
-    bent_squares,
-    check_duplicates,
-    full_scale,
-    limits_of,
-    measure_fading,
-    measure_noise,
     spread,
-    take_sample,
 )
-from core.decode.sections import decode_sections, measure_ripple, section_scratch
+from core.decode.sections import decode_sections, section_scratch
 from core.decode.tables import (
     CODE,
     NOTHING,
     PHASES,
     SWEEP,
-    Array,
-    AxisTable,
     Limits,
-    Rows,
     Singles,
-    axis_table,
-    image_row,
-    make_rows,
-    no_axis,
 )
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import PhaseMap
 from core.numerics import compressed_in_blocks
 from core.parallel import run_in_bands
-from core.patterns import Axis, Pattern, refuse_beyond
+from core.patterns import Pattern, refuse_beyond
 from core.progress import SILENT, Progress
 
 DEFAULT = DecodeOptions()
 CURVE = 4  # of the levels at which a response is tabulated, so manieth is told
-AXES: tuple[Axis, Axis] = ("x", "y")
 MISSING = Flag.NO_U, Flag.NO_V  # by axis
 MOST = 0.5  # part of the coordinates lost to contradictions, from which it is orders that a second way leaves open
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
@@ -157,10 +138,19 @@ def decode(
         return decode_words(patterns, arrays, lines, options, where, progress, others)
     progress(0.0, "reading the noise")
     try:
-        sequence = _prepare(tuple(patterns), lines)
+        sequence = prepare(tuple(patterns), lines)
     except InputError as error:
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
-    seen = _measure(sequence, patterns, arrays, options, where, noise)
+    seen = measure(sequence, patterns, arrays, options, where, noise)
+    if seen.camera is not None:
+        straight, steps = unbend(arrays, seen.camera, float(seen.limits.saturation))
+        options = replace(
+            options, saturation=float(DEEPEST), min_modulation=options.min_modulation * steps, camera=False
+        )
+        phase = decode(patterns, straight, lines=lines, options=options, where=where, progress=progress)
+        step = np.float32(1 / steps)
+        notes = (TONE, *phase.notes)
+        return replace(phase, modulation=phase.modulation * step, image=phase.image * step, notes=notes)
     found = _Found.of_nothing(arrays[0].shape)
     at_rim = _decode_pixels(found, sequence, arrays, seen, progress)
     telling = seen.limits
@@ -174,7 +164,7 @@ def decode(
         widen(sigma, roughness(u, sigma))
     misfit = None
     if options.estimate and estimable(sequence.frames):
-        refined, (limits, tables, response, light, _) = Planes(found.place, found.sigma, found.shape[1]), seen
+        refined, (limits, tables, response, light, *_) = Planes(found.place, found.sigma, found.shape[1]), seen
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
         misfit = misfit.reshape(found.shape)
     _draw_and_doubt(found, sequence, seen)
@@ -182,16 +172,6 @@ def decode(
     if options.estimate and (alone := codes_alone(seen.tables)):
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
     return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase
-
-
-class _Seen(NamedTuple):
-    """What a sample of the grey values (frames, pixels) tells before any pixel is decoded."""
-
-    limits: Limits
-    tables: tuple[AxisTable, AxisTable]
-    response: Response | None
-    light: Array | None
-    sample: Singles
 
 
 class _Doubt(NamedTuple):
@@ -223,7 +203,7 @@ class _Found:
         return [plane.reshape(self.shape) for plane in planes]
 
 
-def _decode_pixels(found: _Found, sequence: _Prepared, images: Sequence[Image], seen: _Seen, progress: Progress) -> int:
+def _decode_pixels(found: _Found, sequence: Prepared, images: Sequence[Image], seen: Seen, progress: Progress) -> int:
     """Decode pixel by pixel, in bands of rows; the bits of the answer say which axes' rim is in the image."""
     height, width = found.shape
     swept = {n for table in seen.tables for n in table.line_frames}
@@ -249,9 +229,9 @@ def _decode_pixels(found: _Found, sequence: _Prepared, images: Sequence[Image], 
 def _mend(
     found: _Found,
     axis: int,
-    sequence: _Prepared,
+    sequence: Prepared,
     images: Sequence[Image],
-    seen: _Seen,
+    seen: Seen,
     telling: Limits,
     at_rim: bool,
 ) -> _Doubt:
@@ -293,7 +273,7 @@ def _mend(
     return _Doubt(told, detour)
 
 
-def _draw_and_doubt(found: _Found, sequence: _Prepared, seen: _Seen) -> None:
+def _draw_and_doubt(found: _Found, sequence: Prepared, seen: Seen) -> None:
     """Take out, in place, what texture does to coordinates, and doubt those of two surfaces."""
     cofactor = max((float(t.covariance[0, 0]) for t in seen.tables if len(t.covariance)), default=1.0)
     x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in seen.tables)
@@ -314,7 +294,7 @@ def _phase_map(
     doubts: Sequence[_Doubt],
     patterns: Sequence[Pattern],
     images: Sequence[Image],
-    seen: _Seen,
+    seen: Seen,
 ) -> PhaseMap:
     """Put a phase map together, with what is to be said of the capture."""
     u, v, sigma_u, sigma_v, modulation, image = found.over_image(
@@ -330,77 +310,3 @@ def _phase_map(
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]
     planes = (u, v, sigma_u, sigma_v, modulation, image)
     return PhaseMap(*planes, flags, curve, misfit, (*late, *notes, *second))
-
-
-def _measure(
-    sequence: _Prepared,
-    patterns: Sequence[Pattern],
-    images: Sequence[Image],
-    options: DecodeOptions,
-    where: str,
-    known: Noise | None,
-) -> _Seen:
-    """What a sample of the grey values tells: the thresholds, and how the stripes of both axes are blurred."""
-    sample = take_sample(images)
-    check_duplicates(sequence.frames, sample, where)
-    measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
-    saturation = full_scale(images, tuple(measured), sample, options)
-    tables, light = steady(sequence.tables, images, saturation)
-    if light is not None:
-        sample = np.einsum("fg,gn->fn", light.astype(np.float32), sample)
-    response = estimate_response(sequence.waves, patterns, sample, saturation, images)
-    found = sequence.contrasts
-    bent = sequence.waves if response else bent_squares(sequence.sharp, found, sample, saturation)
-    noise = measure_noise(sequence.frames, found, sample, saturation, images, bent, light)
-    noise = known._replace(misfit=noise.misfit, unlit=noise.unlit) if known else noise
-    tables = straighten(tables, response, sequence.waves) if response else tables
-    x, y = (
-        measure_ripple(table, sequence.frames.axes.get(axis), sample, noise)
-        for table, axis in zip(tables, AXES, strict=True)
-    )
-    tables = (x, y)
-    across = len(range(*spread(images[0].shape)[1].indices(images[0].shape[1])))
-    x, y = (
-        measure_bend(
-            measure_fading(balance(table, sample, noise), sample, noise), squares, sample, across, noise, saturation
-        )
-        for table, squares in zip(tables, sequence.squares, strict=True)
-    )
-    return _Seen(limits_of(noise, saturation, options, (x, y)), (x, y), response, light, sample)
-
-
-@dataclass(frozen=True)
-class _Prepared:
-    """What follows from the patterns alone, the same for every capture of a sequence."""
-
-    frames: SortedFrames
-    tables: tuple[AxisTable, AxisTable]
-    waves: tuple[Wave, ...]
-    sharp: tuple[Wave, ...]
-    squares: tuple[tuple[SquareWave, ...], tuple[SquareWave, ...]]
-    image_rows: Rows
-    contrasts: NDArray[np.float64]
-
-
-@lru_cache(maxsize=16)
-def _prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> _Prepared:
-    """Sort, plan and tabulate."""
-    frames = sort_frames(patterns)
-    if not frames.axes:
-        raise InputError("", "no code, phase or line frames", "give the frames of at least one projector axis")
-    tables = []
-    for number, axis in enumerate(AXES):
-        mine = frames.axes.get(axis)
-        plan = plan_axis(mine, lines[number] if lines else None, "") if mine else None
-        tables.append(axis_table(plan, mine, frames) if plan and mine else no_axis())
-    sines, squares = waves_of(frames)
-    x, y = shade(tables, sines)
-    return _Prepared(
-        frames,
-        (x, y),
-        sines,
-        squares,
-        (square_waves(patterns, x), square_waves(patterns, y)),
-        make_rows([image_row(frames)]),
-        contrasts(frames, len(patterns)),
-    )

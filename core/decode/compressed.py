@@ -17,8 +17,8 @@ FOURTH = np.array([1, -4, 6, -4, 1], np.float32)
 STEP = 16.0  # times what is usual, squares from which a surface is seen to step: errors within cells have up to 11
 EVERY = 3  # so manieth row or column tells it
 COMPRESSED = (
-    "The frames were compressed with losses (JPEG), which bends phases: sigma holds most of that, by how rough the "
-    "coordinates are. Save frames as they are, as PNG or TIFF."
+    "The frames were compressed with losses (JPEG), which shifts coordinates: sigma holds most of that, by how rough "
+    "they are. Save frames as they are, as PNG or TIFF."
 )
 
 

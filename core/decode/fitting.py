@@ -1,4 +1,4 @@
-"""The search for the projector's response in the frames of a capture.
+"""The search for the projector's response in the frames of a capture, and for the camera's where that leaves much.
 
 Of every pixel of a sample the ambient light, the gain and the phases are unknown; of all of them together the curve's
 parameters, the blur of each axis and how the light of whole fields compares with that of fringes. Least squares over
@@ -16,6 +16,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.camera import SPREAD as CAMERAS
+from core.decode.camera import TERMS, bend
 from core.decode.crowding import TILES, Crowd, crowded, explained
 from core.decode.curves import PARAMETERS, SPREAD, dimming, light_at, waves
 from core.decode.frames import Image
@@ -42,6 +44,9 @@ DIM = 0.1  # part of the brightest pixels' modulation that one must have
 LEAST = 1.0  # grey value, modulation
 SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
 WORTH = 12.0  # the same at the first look; without a curve it is 5 in the mean
+BENT, LEFT = 600.0, 0.5  # the same of a camera's curve; the part of the median squares that it may leave
+DEARER = 1.5  # times as much variance of phases is worth a sigma that is true
+UNTOLD, TINY = 1e-6, 1e-12  # of full scale squared: squares of what is solved for anyway
 SETTLED = 0.05  # standard deviations squared of the last change
 CROWD = 40000  # pixels whose phases' density is looked at
 
@@ -90,6 +95,9 @@ class _Model:
         self.gain, self.ground = np.ones(self.size), np.zeros(self.size)
         self.amplitude = amplitude[:, where]  # (J, n)
         self.solved = self.left = np.zeros(0)
+        self.top, self.camera = top, np.zeros(0)  # the camera's curve, empty where it is straight
+        self.light = self.seen  # without the camera's curve
+        self.noise, self.squares = 0.1, np.zeros(2)  # medians of what is left of fringes and of fields
 
     def terms(self, r: Response) -> Terms:
         """Terms of every frame over the phase, shape (F, HARMONICS + 1); of whole fields only the first."""
@@ -103,6 +111,7 @@ class _Model:
 
 
 _START = np.concatenate([np.zeros(PARAMETERS), [BLUR[0], BLUR[0], 0.0, 0.0]]).tobytes()
+_SPREADS = np.concatenate([SPREAD, [BLUR[1], BLUR[1], FIELD, FIELD]])
 
 
 def _terms(all_waves: tuple[Wave, ...], levels: Array, r: Response) -> Terms:
@@ -135,28 +144,32 @@ def estimate_response(
     sample: Singles,
     saturation: float,
     images: Sequence[Image],
-) -> Response | None:
-    """Find the projector's response in a sample (frames, n) of the grey values, below `saturation`.
+    camera: bool,
+) -> tuple[Response | None, Array | None]:
+    """Find the projector's response in a sample (frames, n) of the grey values, below `saturation`; and, if wanted, the
+    `camera`'s curve, where that explains what no response does (see `core.decode.camera`).
 
     None where there are no sine fringes or too few pixels see them. The images give more pixels, where the crowding of
     the phases must tell.
     """
     if not all_waves:
-        return None
+        return None, None
     parts = (len(range(*each.indices(n))) for each, n in zip(spread(images[0].shape), images[0].shape, strict=True))
     turns, tile = _turns(all_waves, sample, saturation, _tiles(*parts))
     first = _Model(all_waves, patterns, sample, saturation, FIRST)
     if first.size < FEWEST:
-        return None
+        return None, None
     crowds = [Crowd(wave, each, tile) for wave, each in zip(all_waves, turns, strict=True)]
     looked = _search(first, crowds)
     if looked is None or _significance(*explained(crowds, looked)) < WORTH:
-        return None
-    found = _search(_Model(all_waves, patterns, sample, saturation, PIXELS))
+        return None, None
+    model = _Model(all_waves, patterns, sample, saturation, PIXELS)
+    found = _search(model)
     assert found is not None
+    curve = _search_camera(model, found) if camera else None
     turns, tile = _phases(images, all_waves, saturation)
     values, normal = explained([Crowd(wave, each, tile) for wave, each in zip(all_waves, turns, strict=True)], found)
-    return Response(values, normal) if _significance(values, normal) > SIGNIFICANT else None
+    return (Response(values, normal) if _significance(values, normal) > SIGNIFICANT else None), curve
 
 
 def _blurs(model: _Model) -> Array:
@@ -175,7 +188,7 @@ def _blurs(model: _Model) -> Array:
 def _search(model: _Model, crowds: Sequence[Crowd] = ()) -> Response | None:
     """Least squares over all frames; with `crowds`, None where neither they nor the first round show a curve."""
     start = np.frombuffer(_START)
-    prior = np.diag(np.concatenate([SPREAD, [BLUR[1], BLUR[1], FIELD, FIELD]]) ** -2.0)
+    prior = np.diag(_SPREADS**-2.0)
     found = Response(np.concatenate([start[:PARAMETERS], _blurs(model), start[-2:]]), prior)
     for k in range(ROUNDS):
         normal, right = _reduced(model, found, first=k == 0)
@@ -183,11 +196,7 @@ def _search(model: _Model, crowds: Sequence[Crowd] = ()) -> Response | None:
         normal += prior
         change = np.asarray(np.linalg.solve(normal, right), float)
         nothing = k == 0 and crowds and _significance(change, normal) < WORTH
-        damped = DAMPED if k > 0 else 0.0
-        change = np.linalg.solve(normal + damped * prior, right)
-        while np.abs(change).max() > LARGEST:  # what the frames tell least is held back most
-            damped = 4 * damped or 1.0
-            change = np.linalg.solve(normal + damped * prior, right)
+        change = _damped(normal, right, prior, k)
         _follow(model, change)
         found = Response(found.values + change, normal)
         if nothing and not crowded(crowds, found.straight):
@@ -195,6 +204,58 @@ def _search(model: _Model, crowds: Sequence[Crowd] = ()) -> Response | None:
         if change @ normal @ change < SETTLED:
             break
     return Response(found.values, (found.normal - prior) / _alike(model) + prior)
+
+
+def _search_camera(model: _Model, found: Response) -> Array | None:
+    """The camera's curve, found beside the projector's; None if that does not leave much that the camera explains."""
+    start, own = np.concatenate([np.frombuffer(_START), np.zeros(TERMS)]), len(found.values)
+    prior = np.diag(np.concatenate([_SPREADS, np.full(TERMS, CAMERAS)]) ** -2.0)
+    model.camera, before, phase = np.zeros(TERMS), np.zeros(2), model.phase
+    for k in range(ROUNDS):
+        normal, right = _reduced(model, found)
+        right -= prior @ (np.concatenate([found.values, model.camera]) - start)
+        normal += prior
+        if k == 0:
+            before = model.squares
+            if right @ np.linalg.solve(normal, right) < BENT:
+                return None
+        change = _damped(normal, right, prior, k)
+        _follow(model, change)
+        found = Response(found.values + change[:own], found.normal)
+        model.camera = model.camera + change[own:]
+        if change @ normal @ change < SETTLED:
+            break
+    _reduced(model, found)
+    telling = before > UNTOLD * model.top**2
+    left = np.log(np.maximum(model.squares[telling], TINY) / before[telling])
+    return model.camera if len(left) and left.mean() < np.log(LEFT) and _worth_it(model, phase) else None
+
+
+def _worth_it(model: _Model, phase: Array) -> bool:
+    """Whether even steps of light tell phases about as well as the grey values, whose noise is even, but which bend
+    them: `phase` (n, J) is as found without the camera's curve.
+    """
+    both = model.waves[0].both
+    light = model.light[:, : len(both)]
+    grey, slope, _ = bend(light, model.camera, model.top)
+
+    def variance(shown: Array, noise: Array) -> Array:
+        z = shown @ both
+        return np.asarray((np.square((z[:, None].conj() * both).imag) * noise).sum(axis=1) / np.abs(z) ** 4)
+
+    plain = variance(grey, np.full(grey.shape, model.noise))
+    bent = float(np.median(np.square(model.phase[:, 0] - phase[:, 0]))) / 0.455
+    return float(np.median(variance(light, model.noise / slope**2))) < DEARER * (float(np.median(plain)) + bent)
+
+
+def _damped(normal: Array, right: Array, prior: Array, k: int) -> Array:
+    """The change of round `k`; what the frames tell least is held back most."""
+    damped = DAMPED if k > 0 else 0.0
+    change = np.linalg.solve(normal + damped * prior, right)
+    while np.abs(change).max() > LARGEST:
+        damped = 4 * damped or 1.0
+        change = np.linalg.solve(normal + damped * prior, right)
+    return np.asarray(change)
 
 
 def _alike(model: _Model) -> float:
@@ -271,13 +332,22 @@ def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Ar
         model.gain = np.maximum(gain, LEAST)
         model.ground = grey[:, 0] - model.gain * mean[:, 0]
     gain = model.gain[:, None]
-    residual = model.seen - model.ground[:, None] - gain * light
+    level = model.ground[:, None] + gain * light
     slope = gain * shown(terms * 1j * np.arange(HARMONICS + 1))
     common = np.stack([gain * shown(change) for change in changes], axis=2)
     pixel = np.concatenate([np.ones((*light.shape, 1)), light[..., None], slope[..., None] * model.member], axis=2)
+    if len(model.camera):
+        model.light = level
+        level, steep, bends = bend(level, model.camera, model.top)
+        common = np.concatenate([steep[..., None] * common, bends], axis=2)
+        pixel = steep[..., None] * pixel
+    residual = model.seen - level
     fringe = np.arange(light.shape[1]) < model.fringes
     freedom = max(light.shape[1] - pixel.shape[2], 1) / light.shape[1]
-    noise = max(float(np.median(np.square(residual[:, fringe]))) / 0.455 / freedom, 0.1)
+    model.squares = np.array(
+        [np.median(np.square(part)) if part.size else 0.0 for part in (residual[:, fringe], residual[:, ~fringe])]
+    )
+    model.noise = noise = max(float(model.squares[0]) / 0.455 / freedom, 0.1)
     weight = 1 / (noise + np.square(np.where(fringe, MISFIT, FIELD) * gain))
     model.left = np.sqrt(weight) * residual
     misfit = np.mean(np.square(model.left), axis=1)
@@ -287,7 +357,8 @@ def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Ar
     inner += 1e-9 * np.einsum("nii->ni", inner).max(axis=1)[:, None, None] * np.eye(inner.shape[1])
     right = weighted @ residual[..., None]
     model.solved = np.linalg.solve(inner, np.concatenate([outer, right], axis=2))
-    flat, count = (weight[..., None] * common).reshape(-1, len(r.values)), len(r.values)
+    count = common.shape[2]
+    flat = (weight[..., None] * common).reshape(-1, count)
     full, free = flat.T @ common.reshape(-1, count), flat.T @ residual.ravel()
     beside = outer.reshape(-1, count).T @ model.solved.reshape(-1, count + 1)
     return full - beside[:, :-1], free - beside[:, -1]

@@ -52,3 +52,4 @@ class DecodeOptions:
     #: seen in 16-bit files when that is the full scale of a sensor with fewer bits
     saturation: float | None = None
     estimate: bool = False  #: refine the coordinates by all frames (`estimate`, `codes`): less noise, more time
+    camera: bool = True  #: look for the camera's own curve, a gamma or tone curve, and take it out

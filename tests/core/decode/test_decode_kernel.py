@@ -7,10 +7,10 @@ import pytest
 
 from core.compiling import njit
 from core.decode import DecodeOptions, decode
-from core.decode.absolute import _prepare as prepare
 from core.decode.compiled import angle
 from core.decode.frames import sort_frames
 from core.decode.kernel import scratch_for
+from core.decode.known import prepare
 from core.decode.noise import Noise
 from core.decode.plan import plan_axis, safest_steps
 from core.decode.sample import limits_of

@@ -289,6 +289,6 @@ def test_sigmas_of_a_code_alone_hold_what_its_words_do_not(blur: float, gamma: f
 
 def test_decoding_the_axis_beside_words_is_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
     patterns = [*gray_and_phase("x", 16, cell=4, periods=[8]), *parse_sequence("dense:axes=y").patterns((16, 16))]
-    monkeypatch.setattr("core.decode.absolute._measure", lambda *_: pytest.fail("went on"))
+    monkeypatch.setattr("core.decode.absolute.measure", lambda *_: pytest.fail("went on"))
     with pytest.raises(Cancelled):
         decode(patterns, [np.zeros((4, 4), np.uint8)] * len(patterns), progress=Progress(cancelled=lambda: True))

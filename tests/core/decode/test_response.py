@@ -11,6 +11,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from core.decode import decode
+from core.decode.camera import TONE
 from core.patterns import Black, Pattern, Phase, White, brightness, gray_and_phase
 
 LINES, HEIGHT, WIDTH, FINE = 640, 160, 480, 16
@@ -19,12 +20,14 @@ Curve = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Sight:
-    """An oblique wavy surface of uneven albedo in ambient light; noise of about 1.9 grey values."""
+    """An oblique wavy surface of uneven albedo in ambient light; noise of about 1.9 grey values or a part of that."""
 
     curve: Curve
-    camera_gamma: float = 1.0
+    camera: Curve = lambda light: light
     blur_lines: float = 0.7
     noise_of_light: float = 0.0  # before the camera's gamma
+    contrast: float = 0.14  # of the albedo
+    noise: float = 1.0
 
     @property
     def u(self) -> np.ndarray:
@@ -36,7 +39,7 @@ class Sight:
     def take(self, patterns: Sequence[Pattern]) -> list[np.ndarray]:
         rng = np.random.default_rng(3)
         texture = gaussian_filter(rng.normal(size=(HEIGHT, WIDTH)), 6)
-        albedo = np.clip(1 + 0.14 * texture / texture.std(), 0.3, 1.3) / 1.3
+        albedo = np.clip(1 + self.contrast * texture / texture.std(), 0.3, 1.3) / 1.3
         places = (np.arange(LINES * FINE) - (FINE - 1) / 2) / FINE
         images = []
         for pattern in patterns:
@@ -46,8 +49,8 @@ class Sight:
             seen = albedo * (12 + 150 * light)
             if self.noise_of_light:
                 seen = np.maximum(seen + rng.normal(0, self.noise_of_light, seen.shape), 0)
-            grey = 255 * (seen / 255) ** self.camera_gamma
-            grey = grey + rng.normal(size=grey.shape) * np.sqrt(2 + 0.01 * grey)
+            grey = 255 * self.camera(seen / 255)
+            grey = grey + self.noise * rng.normal(size=grey.shape) * np.sqrt(2 + 0.01 * grey)
             images.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
         return images
 
@@ -73,9 +76,10 @@ def sequence(periods: tuple[float, ...], steps: int, coded: bool, reference: boo
 
 
 @cache
-def result(name: str, exponent: float | None, camera_gamma: float = 1.0) -> tuple[float, float, float, float]:
+def result(name: str, exponent: float | None, camera: Curve | None = None) -> tuple[float, float, float, float]:
     """Valid part, r.m.s. error (lines), observed over predicted, part of errors beyond two lines."""
-    sight = Sight(s_shape if exponent is None else power(exponent), camera_gamma)
+    curve = s_shape if exponent is None else power(exponent)
+    sight = Sight(curve, camera) if camera else Sight(curve)
     patterns = sequence(*SEQUENCES[name])
     phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
     good = np.isfinite(phase.u)
@@ -96,7 +100,7 @@ SEQUENCES = {
 
 @pytest.mark.parametrize(("steps", "exponent", "least"), [(3, 1.0, 0.8), (4, 2.2, 0.9)])
 def test_a_camera_with_a_gamma_is_noisiest_in_the_dark(steps: int, exponent: float, least: float) -> None:
-    sight, patterns = Sight(power(exponent), 1 / 2.2, noise_of_light=1.5), sequence((16.0,), steps, True, True)
+    sight, patterns = Sight(power(exponent), power(1 / 2.2), noise_of_light=1.5), sequence((16.0,), steps, True, True)
     phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
     assert least < np.sqrt(np.nanmean(((phase.u - sight.u) / phase.sigma_u) ** 2)) < 1.15
 
@@ -124,6 +128,31 @@ def test_any_response_decodes_as_well_as_a_straight_one(name: str, exponent: flo
     assert bent[1] < 1.3 * straight[1]
     assert bent[3] == 0
     assert 0.88 < bent[2] < 1.15
+
+
+def filmic(light: np.ndarray) -> np.ndarray:
+    """Tone curve for film by Narkowicz (2015) with a gamma."""
+    return ((light * (2.51 * light + 0.03)) / (light * (2.43 * light + 0.59) + 0.14)) ** (1 / 2.2)
+
+
+def soft(light: np.ndarray) -> np.ndarray:
+    return (1 - np.exp(-1.6 * light)) / (1 - np.exp(-1.6))
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.2])
+@pytest.mark.parametrize(("name", "tone"), [("gray and 4 steps", soft), ("hierarchy of 3 steps", filmic)])
+def test_a_tone_curve_of_the_camera_is_taken_out(name: str, tone: Curve, exponent: float) -> None:
+    """No response of a projector explains how harmonics depend on the brightness."""
+    patterns, error, ratio = sequence(*SEQUENCES[name]), [], []
+    for camera in (power(1.0), tone):
+        sight = Sight(power(exponent), camera, contrast=0.35, noise=0.4)
+        phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+        error.append(float(np.sqrt(np.nanmean((phase.u - sight.u) ** 2))))
+        ratio.append(float(np.sqrt(np.nanmean(((phase.u - sight.u) / phase.sigma_u) ** 2))))
+        assert np.isfinite(phase.u).mean() > 0.985
+        assert (TONE in phase.notes) == (camera is tone)
+    assert error[1] < 1.3 * error[0]
+    assert 0.8 < ratio[1] < 1.2
 
 
 class InStep(Sight):

@@ -1,0 +1,60 @@
+"""The camera's own curve: grey values that do not grow evenly with the light, and the way back.
+
+Consumer cameras bend what they record, by a gamma or a tone curve. A pixel's harmonics then depend on its brightness
+and on the ambient light, which no response of a projector explains. The curve rises from 0 to saturation and is a
+straight line where all its parameters are 0:
+
+    C(s) = s + s (1 - s) sum c_k T_k(2s - 1)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.decode.exposures import DEEPEST, FINEST
+from core.decode.frames import Image
+from core.model import Array
+
+TERMS = 5
+SPREAD = 1.0  # of the parameters over cameras, standard deviation
+FLATTEST = 0.05  # slope of a curve
+STEPS = 4096  # of the light, where a curve is tabulated
+TONE = (
+    "The camera's grey values do not grow evenly with the light: its gamma or tone curve was found in the frames and "
+    "taken out. Switch it off, or save raw frames, for less noise."
+)
+
+
+class Bent(NamedTuple):
+    """What a camera makes of light: grey values, slopes by light, and changes by every parameter (..., TERMS)."""
+
+    grey: Array
+    slope: Array
+    change: Array
+
+
+def bend(light: Array, curve: Array, full: float) -> Bent:
+    """Grey values of light of any shape; both are 0 to `full`, and beyond that the curve goes straight on."""
+    x = 2 * np.clip(light / full, 0, 1) - 1
+    weight = (1 - x * x) / 4
+    terms = np.cos(np.arange(TERMS) * np.arccos(x)[..., None])
+    sums = terms @ curve
+    steeper = 2 * weight * np.polynomial.chebyshev.chebval(x, np.polynomial.chebyshev.chebder(curve))
+    slope = np.maximum(1 - x * sums + steeper, FLATTEST)
+    within = full * ((x + 1) / 2 + weight * sums)
+    return Bent(within + (light - full * (x + 1) / 2) * slope, slope, full * weight[..., None] * terms)
+
+
+def unbend(images: Sequence[Image], curve: Array, full: float) -> tuple[list[NDArray[np.uint16]], int]:
+    """Give images in even steps of the light, saturated where they were, and how many these are to a grey value."""
+    light = full * np.arange(STEPS + 1) / STEPS
+    steps = max(1, min(FINEST, int((DEEPEST - 1) / full)))
+    seen = np.maximum.accumulate(bend(light, curve, full).grey)
+    grey = np.arange(np.iinfo(images[0].dtype).max + 1)
+    table = np.rint(steps * np.interp(grey, seen, light)).astype(np.uint16)
+    table[grey >= full] = DEEPEST
+    return [table[image] for image in images], steps
