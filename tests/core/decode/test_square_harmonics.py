@@ -23,7 +23,7 @@ def test_the_phase_of_few_square_steps_is_straight(bench, judge, period, steps, 
     b, patterns = bench(blur=blur, gain=160.0, dark=1.0), [*square(period, steps), White(), Black()]
     images = b.take(patterns)
     straight = judge(decode(patterns, images, lines=(640, 640)), b.u, 2.0)
-    monkeypatch.setattr("core.decode.absolute.measure_bend", lambda table, *_: table)
+    monkeypatch.setattr("core.decode.known.measure_bend", lambda table, *_: table)
     bent = judge(decode(patterns, images, lines=(640, 640)), b.u, 2.0)
     assert straight.valid > 0.99
     assert straight.gross == 0
