@@ -119,11 +119,13 @@ class ResultTable(QWidget):
         self.view.resizeColumnsToContents()
         header.setSortIndicatorShown(True)
 
-    def fit_height(self) -> None:
-        """Make the view as high as its rows, 14 rows at most."""
+    def fit_height(self, least: int | None = None) -> None:
+        """Make the view as high as its rows, 14 rows at most; where there is less room, down to a height in px."""
         rows = min(self.model.rowCount(), 14)
         height = self.view.horizontalHeader().sizeHint().height() + 28 * rows + 6
-        self.view.setFixedHeight(height + self.view.horizontalScrollBar().sizeHint().height())
+        height += self.view.horizontalScrollBar().sizeHint().height()
+        self.view.setMaximumHeight(height)
+        self.view.setMinimumHeight(height if least is None else least)
 
     def fit_width(self, most: int = 1 << 24) -> None:
         """Make the table as wide as its columns, but no wider than `most`."""

@@ -18,7 +18,9 @@ from stripe_gui.widgets.layout import boxed, choice, column, fit_button, label, 
 from stripe_gui.widgets.result_table import ResultTable
 from stripe_gui.workbench import Workbench
 
-LEAST_PICTURE = 330  # px, of the width
+LEAST = 200, 110  # px: a low window has little room below the runs
+LEAST_TABLE = 70  # px: two rows
+LEAST_PICTURE = 330  # px of the width, with the colours
 
 
 class VolumeMaps(QWidget):
@@ -34,12 +36,12 @@ class VolumeMaps(QWidget):
         self.kind = choice(self.tr("Map"), self._draw, minimumWidth=190)
         self.words = label("", "muted", wrap=True)
         self.view = ImageView(name)
+        self.view.setMinimumSize(*LEAST)
         self.table = ResultTable(name, titled=False)
         self.table.row_chosen.connect(lambda _: self._draw())
-        top = row(self.kind, (self.words, 1), fit_button(self.view.fit))
-        picture = boxed(column(top, (self.view, 1), spacing=6))
-        beside = column(self.table, None)
-        self._body = boxed(row((picture, 1), beside, spacing=16))
+        top = row(self.kind, fit_button(self.view.fit), (self.words, 1))
+        halves = row((self.view, 1), column(self.table, None), spacing=16)
+        self._body = boxed(column(top, (halves, 1), spacing=6))
         self.setLayout(column(self.said, (self._body, 1), spacing=8, margins=(0, 12, 0, 0)))
         self._body.hide()
 
@@ -61,7 +63,7 @@ class VolumeMaps(QWidget):
         refill(self.kind, [(q.name, q.key) for q in view.quantities], self.kind.currentData())
         self.said.setText(view.said)
         self.table.show_table(view.table)
-        self.table.fit_height()
+        self.table.fit_height(LEAST_TABLE)
         self._body.show()
         self._share()
         self.table.choose_row(at if at is not None and at < len(view.rows) else len(view.rows) // 2)

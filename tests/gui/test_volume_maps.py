@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PySide6.QtCore import QPoint, QRect
 
 from core.geometry import Pose
 from core.model import Adjustment, PhotogrammetricCalibration
 from core.pipeline.runs import keep_run, list_runs, run_folder
 from core.project import load_archive, read_project
+from tests.gui.conftest import settle
 from tests.gui.hands import front, idle
 
 LONGER = 1.001  # base of the second run over that of the first: all points are farther by this
@@ -59,6 +61,11 @@ def test_a_longer_base_puts_every_point_farther_by_its_share(page, window, qtbot
         # lens and principal point move the rays by some per cent of their slope; cells are constant over 1/13 image
         assert np.abs(volume.view.image[tuple(seen.T)] / wanted - 1).max() < 0.03
         assert volume.table.model.table.rows[row][1].value == pytest.approx(np.sqrt(np.mean(wanted**2)), rel=0.01)
+    window.resize(window.minimumSize())  # all of it is seen in the smallest window, too
+    settle()
+    table = volume.table
+    assert table.view.geometry().bottom() < table.notes.geometry().top()
+    assert volume.rect().contains(QRect(table.mapTo(volume, QPoint(0, 0)), table.size()))
     # the other way round it is the same but for the volume it is told of
     before = volume.table.model.table.rows[2][1].value
     page.runs.first.setCurrentIndex(0)

@@ -1,6 +1,6 @@
 """One relative orientation for all poses, and whether that was true."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -26,6 +26,7 @@ from core.measure.eccentricity import tangents
 from core.model import Interior, Rig, ScaleBar, TargetSet, Testfield
 from core.pipeline.methods import METHODS
 from core.pipeline.options import CalibrateOptions
+from core.pipeline.volumes import left_out_verdict
 from core.progress import SILENT
 
 ROWS, COLS = 6, 8
@@ -405,6 +406,9 @@ def test_what_the_other_captures_foresee_is_what_an_adjustment_without_one_fores
     network, options = network_from_targets(rig, field, sets, scale=bar), AdjustOptions(variance_components=True)
     found = {one.capture: one for one in leave_captures_out(network)}
     assert [one.capture for one in found.values() if one.off] == ["testfield-04"]
+    verdict = left_out_verdict([{**asdict(one), "off": one.off} for one in found.values()])
+    assert verdict.state == "doubtful"
+    assert [text.split(" does not fit the others")[0] for text in verdict.because] == ["testfield-04"]
     with_all = adjust(network, options=options)
     sigma = {n: with_all.variance_factors[n] ** 0.5 * s for n, s in (("camera", 0.02), ("projector", 0.03))}
     for k in (0, 3):
