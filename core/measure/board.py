@@ -56,14 +56,14 @@ def _checked(field: Testfield) -> Board:
     n = len(field.row)
     if n < 4:
         raise InputError(where, f"{n} targets", "a testfield needs at least 4")
-    for i in range(n):
+    finite = np.isfinite(xyz).all(axis=1) & np.isfinite(diameter)
+    for i in np.flatnonzero(~finite | (diameter <= 0))[:1]:
         name = f"target row {field.row[i]}, col {field.col[i]}"
-        if not (np.all(np.isfinite(xyz[i])) and np.isfinite(diameter[i])):
+        if not finite[i]:
             raise InputError(
                 where, f"{name} has coordinates {xyz[i]} and diameter {diameter[i]}", "give finite numbers"
             )
-        if diameter[i] <= 0:
-            raise InputError(where, f"{name} has diameter {diameter[i]} mm", "give the dot's diameter in mm")
+        raise InputError(where, f"{name} has diameter {diameter[i]} mm", "give the dot's diameter in mm")
     index: dict[tuple[int, int], int] = {}
     for i, key in enumerate(field.keys):
         if key in index:

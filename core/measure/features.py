@@ -37,6 +37,7 @@ STRAIGHT = 1e4  # blurs: the radius of an edge that counts as straight
 CONTOUR = 360  # places of a contour that are carried to the surface
 UNLIKE, OTHER = 0.1, 0.2  # of the step at an edge: what is farther off counts less, and not: a lit wall behind a hole
 BESIDE_PX = 5  # side of the square around each of these that is left out
+NEAR_PX = 1e-7  # over which slopes are taken
 CONTRAST = 10.0  # standard deviations of the grey values that an edge must step by
 
 
@@ -162,9 +163,19 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
             step = _blurred(edge.distance(p[:k], at), bent, float(abs(p[-1])) + 1e-9)
             return np.asarray((p[k] + off @ p[k + 1 : k + 3]) * (1 + p[-2] * step) - grey)
 
+        def slopes(p: Array, at: Array = at, _: Array = grey, off: Array = off, bent: Array = bent) -> Array:
+            away, blur = edge.distance(p[:k], at), float(abs(p[-1])) + 1e-9
+            step, light = _blurred(away, bent, blur), p[k] + off @ p[k + 1 : k + 3]
+            by_away = (_blurred(away + NEAR_PX, bent, blur) - step) / NEAR_PX
+            by_blur = (_blurred(away, bent, blur + NEAR_PX) - step) / NEAR_PX * np.sign(p[-1])
+            moved = (edge.distance(p[:k] + d, at) - away for d in NEAR_PX * np.eye(k))
+            by_shape = [p[-2] * light * by_away * more / NEAR_PX for more in moved]
+            ground = (1 + p[-2] * step) * np.stack([np.ones(len(at)), *off.T])
+            return np.stack([*by_shape, *ground, light * step, p[-2] * light * by_blur], axis=1)
+
         start = np.array([*shape, outer, 0.0, 0.0, inner / max(outer, 1e-6) - 1, blur])
         most = max(UNLIKE * abs(outer - inner), 1e-3)
-        fit = least_squares(rest, start, x_scale="jac", max_nfev=50, loss="cauchy", f_scale=most)
+        fit = least_squares(rest, start, slopes, x_scale="jac", max_nfev=50, loss="cauchy", f_scale=most)
         limit = max(GROSS * sigma_by_median(fit.fun), OTHER * abs(fit.x[-2] * fit.x[k]))
         unlike = np.zeros(image.shape, np.uint8)
         unlike[tuple(at[np.abs(fit.fun) > limit].astype(int).T[::-1])] = 1
@@ -172,7 +183,7 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
         if np.count_nonzero(alike) < FEWEST_PIXELS:
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
         at, chosen = at[alike], tuple(each[alike] for each in (at, grey, off, bent))
-        fit = least_squares(rest, fit.x, x_scale="jac", max_nfev=50, args=chosen)
+        fit = least_squares(rest, fit.x, slopes, x_scale="jac", max_nfev=50, args=chosen)
         shape, blur = fit.x[:k], float(abs(fit.x[-1]))
     begun = edge.contour(edge.start)
     moved = float(np.abs(edge.distance(shape, begun)).max())
