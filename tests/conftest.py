@@ -23,6 +23,8 @@ from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
 from tests.copies import copied, stamps, written_into
 
+gc.set_threshold(20_000)  # as the commands do: among so many objects the search for garbage takes a fiftieth of the run
+
 Make = Callable[[Path], Any]
 GUIDE = Path(__file__).parents[1] / "resources" / "docs" / "extending"
 LONGEST = (  # above ten seconds
