@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pytest
@@ -38,11 +38,24 @@ class Bench:
         """Part of full light at every pixel: rectangular lines, blurred by a Gaussian of `blur` lines; none outside."""
         axis = getattr(pattern, "axis", None)
         if axis is None:
-            across = np.ones_like(self.u) if self.v is None else _blurred(pattern, self.lines[1], self.blur, self.v)
-            return across * _blurred(pattern, self.lines[0], self.blur, self.u)
-        place, count = (self.u, self.lines[0]) if axis == "x" else (self.v, self.lines[1])
-        assert place is not None
-        return _blurred(pattern, count, self.blur, place)
+            across = np.ones_like(self.u) if self.v is None else self._blurred(pattern, 1)
+            return across * self._blurred(pattern, 0)
+        return self._blurred(pattern, int(axis == "y"))
+
+    def _blurred(self, pattern: Pattern, way: int) -> Array:
+        profile = _profile(pattern, self.lines[way], self.blur)
+        below, part = self._places[way]
+        return profile[below] + part * (profile[below + 1] - profile[below])
+
+    @cached_property
+    def _places(self) -> list[tuple[NDArray[np.intp], Array]]:
+        """Where in the tables each pixel looks, along either axis: the entry below, and how far beyond it."""
+        found = []
+        for place, count in zip([self.u] if self.v is None else [self.u, self.v], self.lines, strict=False):
+            at = np.clip((place + 10) * FINE, 0, (count + 20) * FINE - 2)
+            below = at.astype(np.intp)
+            found.append((below, at - below))
+        return found
 
     def take(self, patterns: Sequence[Pattern]) -> list[NDArray[np.uint8] | NDArray[np.uint16]]:
         """One image per pattern."""
@@ -50,9 +63,12 @@ class Bench:
         images = []
         for pattern in patterns:
             grey = self.ambient + self.gain * self.light(pattern)
-            grey = grey + rng.normal(size=grey.shape) * np.sqrt(self.dark + self.shot * grey)
-            whole = np.clip(np.round(grey), 0, 2**self.bits - 1).astype(np.uint16) << self.shift
-            images.append(whole.astype(np.uint8 if self.bits <= 8 else np.uint16))
+            noise = rng.standard_normal(grey.shape)
+            noise *= np.sqrt(self.dark + self.shot * grey) if self.shot else np.sqrt(self.dark)
+            grey += noise
+            np.clip(np.rint(grey, out=grey), 0, 2**self.bits - 1, out=grey)
+            whole = grey.astype(np.uint8 if self.bits <= 8 else np.uint16)
+            images.append(whole << self.shift)
         return images
 
 
@@ -67,13 +83,6 @@ def _profile(pattern: Pattern, count: int, blur: float) -> Array:
     size = 2 ** int(np.log2(len(rises) + len(edge)) + 1)
     blurred = np.fft.irfft(np.fft.rfft(rises, size) * np.fft.rfft(edge, size), size)
     return np.cumsum(blurred)[reach : reach + len(rises)]
-
-
-def _blurred(pattern: Pattern, count: int, blur: float, place: Array) -> Array:
-    profile = _profile(pattern, count, blur)
-    at = np.clip((place + 10) * FINE, 0, len(profile) - 2)
-    below = at.astype(np.intp)
-    return profile[below] + (at - below) * (profile[below + 1] - profile[below])
 
 
 def field(height: int, width: int, lines: float, margin: float = 4.0) -> Array:
