@@ -166,12 +166,16 @@ def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:
     return result
 
 
+def _critical(redundancy: float) -> float:
+    """Variance factor beyond which the sigmas given, times `DOUBTFUL_RATIO`, do not explain the residuals."""
+    return DOUBTFUL_RATIO**2 * chi_square_limit(redundancy, LEVEL) / redundancy
+
+
 def _chi_square(adjustment: Adjustment) -> list[Concern]:
     """H0: residuals are at most `DOUBTFUL_RATIO` times what the sigmas given allow."""
     concerns = []
     for name, (factor, redundancy) in factors(adjustment).items():
-        critical = DOUBTFUL_RATIO**2 * chi_square_limit(redundancy, LEVEL) / redundancy
-        ratio = float(np.sqrt(factor))
+        critical, ratio = _critical(redundancy), float(np.sqrt(factor))
         if ratio < ANOTHER_UNIT and redundancy > 10:
             text = f"{name}: residuals are {ratio:.2g} times what the sigmas of its observations allow: another unit?"
             concerns.append(Concern("doubtful", text))
@@ -224,8 +228,12 @@ def _worst_station(adjustment: Adjustment, device: str) -> str:
 
 
 def _systematic(adjustment: Adjustment) -> list[Concern]:
-    """H0: residuals of neighbouring points are independent; the low-pass test of the residuals."""
+    """H0: residuals of neighbouring points are independent; the low-pass test of the residuals.
+
+    Where the chi-square test rejects them, too, the model is contradicted: no sigma of the results holds.
+    """
     network, concerns = adjustment.network, []
+    beyond = {name for name, (factor, redundancy) in factors(adjustment).items() if factor > _critical(redundancy)}
     device = np.array(network.station_device)[network.observation_station]
     w = adjustment.residuals / network.observation_sigma
     for name in adjustment.devices:
@@ -255,7 +263,7 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
                 "projector coordinates; look at the residual vectors"
             )
             ratio = np.sqrt(agreement * float(np.nanmean(square)))
-            concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
+            concerns.append(Concern("failed" if name in beyond or ratio > FAILED_RATIO else "doubtful", text))
     return concerns
 
 
