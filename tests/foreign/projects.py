@@ -120,9 +120,10 @@ class Laboratory:
         return len(self.cameras) == len(self.projectors) == 1
 
     def document(self, captures: list[str]) -> dict[str, Any]:
-        """project.json, with a scale bar between two targets of the board as it truly is."""
+        """project.json, with a scale bar between two targets of the board as it truly is, measured to its sigma."""
         start, end = (3, 3), (self.board.rows - 4, self.board.columns - 4)
-        length = float(np.hypot(*(self.board.true[end] - self.board.true[start])))
+        sigma, rng = 0.002, np.random.default_rng([self.seed, 3])
+        length = float(np.hypot(*(self.board.true[end] - self.board.true[start])) + sigma * rng.standard_normal())
         devices: dict[str, Any] = {
             "cameras": {name: device.document() for name, device in self.cameras.items()},
             "projectors": {name: device.document() for name, device in self.projectors.items()},
@@ -138,7 +139,7 @@ class Laboratory:
                 "from": list(start),
                 "to": list(end),
                 "length_mm": length,
-                "sigma_mm": 0.002,
+                "sigma_mm": sigma,
             },
             "captures": [f"captures/{name}" for name in captures],
         }
