@@ -23,7 +23,7 @@ from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, median_of, nearest, normal_equations, row_median
+from core.numerics import inverse_2x2, median_of
 
 FLOOR = 0.01  # px² per px of diameter: what square pixels leave on noise-free renderings, 0.001 px at 12 px diameter
 REACH, TAPER = (2.0, 0.3), 0.3  # blurs and px beyond the edge where weights end; share of that where they begin to fall
@@ -32,10 +32,6 @@ CLIPPED = (
     0.01  # px that a clipped top leaves of 10 to 25 px dots at 2 to 20 times full scale, bloomed or not: 0.005..0.012
 )
 BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its edge: blurs, and px
-NEIGHBOURS, LEAST_NEIGHBOURS = 20, 6  # dots that tell the light's gradient
-PRINTS = 0.01  # share by which dots' prints differ, to begin with
-# how much light's logarithm usually changes over the neighbours' reach, by the terms of a cubic: a bound for few dots
-USUAL, UNUSUAL = np.repeat([2.0, 4.0, 4.0, 4.0], [1, 2, 3, 4]), 1.5
 
 
 def centroids(
@@ -76,58 +72,6 @@ def centroids(
     clipped = profile.plateau >= image.max()  # retro-reflective dots and the like
     floor = np.where(clipped, CLIPPED, FLOOR / diameter)
     return m, cov + floor[:, None, None] ** 2 * np.eye(2)
-
-
-def light_gradient(
-    uv: Array, contrast: Array, inside: Array, weight: Array, shadowed: NDArray[np.bool_] | None = None
-) -> tuple[Array, Array]:
-    """Relative change of the light per px at every bright dot, shape (m, 2), and its covariance (m, 2, 2).
-
-    A cubic through the logarithms of the contrasts of the dots around, and through the changes seen `inside` them
-    (m, 2), whose variances go with 1 / `weight` (m,): a dot alone tells too little, and prints differ at random. A
-    quadratic leaves 0.002 px at a testfield's corners, where all neighbours are on one side and the light falls off
-    fastest. What either kind is worth follows from how well it fits. A contrast of NaN does not count: where the light
-    ends in the ring round a dot, its background is too dark and its contrast too high. Dots that are `shadowed` (m,)
-    and dots that are not say nothing of each other's light.
-    """
-    k = min(NEIGHBOURS, len(uv))
-    if k < LEAST_NEIGHBOURS:
-        return np.zeros_like(uv), np.zeros((len(uv), 2, 2))
-    near = nearest(uv, k)
-    scale = np.linalg.norm(uv[near[:, -1]] - uv, axis=1, keepdims=True)
-    x, y = np.moveaxis((uv[near] - uv[:, None, :]) / scale[..., None], 2, 0)
-    one, none = np.ones_like(x), np.zeros_like(x)
-    value = [one, x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3]
-    by_x = [none, one, none, 2 * x, y, none, 3 * x * x, 2 * x * y, y * y, none]
-    by_y = [none, none, one, none, x, 2 * y, none, x * x, 2 * x * y, 3 * y * y]
-    A = np.concatenate([np.stack(terms, axis=2) for terms in (value, by_x, by_y)], axis=1)
-    bright = np.log(np.maximum(contrast, 1e-6))[near]
-    bright = bright - row_median(bright)[:, None]
-    valid = np.abs(bright) < UNUSUAL
-    if shadowed is not None:
-        valid &= shadowed[near] == shadowed[:, None]
-    # near ones count most: over all of them a cubic follows light that falls steeply only in part
-    share = np.tile((1 - np.minimum(np.hypot(x, y), 0.999) ** 3) ** 3, (1, 3))
-    seen = np.nan_to_num(np.concatenate([bright, inside[near, 0] * scale, inside[near, 1] * scale], axis=1))
-    told = np.concatenate([valid, *2 * [valid * weight[near] / scale**2]], axis=1)
-    variance = [PRINTS**2, PRINTS**2]
-    doubt, own = np.ones(told.shape), [0, k, 2 * k]
-    for _ in range(3):
-        known = told / np.repeat(variance, (k, 2 * k))
-        counted = known * doubt * share
-        N, b = normal_equations(A, counted, seen[..., None])
-        C = np.linalg.inv(N + np.diag(1 / USUAL**2))
-        fit = C @ b
-        square = (seen - (A @ fit)[..., 0]) ** 2 * known
-        doubt = 1 / (1 + square / 9)
-        # of a dot's own values, which the fit has drawn to itself
-        drawn = np.einsum("mni,mij,mnj->mn", A[:, own], C, A[:, own]) * known[:, own]
-        left = np.where(known[:, own] > 0, square[:, own] / np.maximum(1 - drawn, 0.1), np.nan)
-        for i, part in enumerate((left[:, :1], left[:, 1:])):
-            if np.isfinite(part).any():
-                variance[i] = max(variance[i] * median_of(part) * MEDIAN_OF_NORMAL**-2, 1e-8)
-    cov = C @ (normal_equations(A, counted * share, seen[..., None])[0] + np.diag(1 / USUAL**2)) @ C
-    return fit[:, 1:3, 0] / scale, cov[:, 1:3, 1:3] / scale[..., None] ** 2
 
 
 def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles) -> tuple[float, float]:

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from core.measure.blobs import find_blobs
 from core.measure.board import Board
-from core.measure.centroid import centroids, light_gradient, noise_model
+from core.measure.centroid import centroids, noise_model
 from core.measure.eccentricity import NOMINAL_SHARE, eccentricity, recentred, tangents, uncertain
 from core.measure.estimators import ESTIMATORS
 from core.measure.faults import half_lit, shape_faults
 from core.measure.grow import Lattice
 from core.measure.identify import identify
 from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
+from core.measure.lighting import light_gradient
 from core.measure.missing import EXCLUDED, reasons
 from core.measure.picks import check_picks, snap
 from core.measure.profile import PLATEAU, Profiles, profiles
