@@ -39,7 +39,9 @@ UNUSUAL = 2.0  # standard deviations of the blur from which the search does not 
 COARSE = 2.0  # times the finest period, one whose amplitude tells the finest's blur
 BLUR = -0.8, 0.7  # logarithm of the blur's variance (lines²): what is usual, and how much rigs differ
 OUTLIER = 9.0  # mean square of a pixel's residuals from which it counts less
-HALFWAY = 0.15  # part of a bit's light beyond which it is at an edge
+CLEAR = 0.3  # part of the pixels that must see all bits clearly off or on, without which no level is told
+HALFWAY, FARTHEST = 0.05, 0.15  # part of a bit's light beyond which it is at an edge; most of that by `NOISY`
+NOISY = 4.0  # grey values more
 DIM = 0.1  # part of the brightest pixels' modulation that one must have
 LEAST = 1.0  # grey value, modulation
 SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
@@ -68,7 +70,8 @@ class _Model:
             bits = np.sort(sample[codes].astype(float), axis=0)
             off, on = bits[0], bits[-1]
             part = (bits - off) / np.maximum(on - off, LEAST)
-            clear = np.all((part < HALFWAY) | (part > 1 - HALFWAY), axis=0)
+            near = np.minimum(HALFWAY + NOISY / np.maximum(on - off, LEAST), FARTHEST)
+            clear = np.all((part < near) | (part > 1 - near), axis=0)
             lit = part > 0.5
             on = (bits * lit).sum(axis=0) / np.maximum(lit.sum(axis=0), 1)
             off = (bits * ~lit).sum(axis=0) / np.maximum((~lit).sum(axis=0), 1)
@@ -85,12 +88,15 @@ class _Model:
         amplitude = np.abs(quadratures)
         dimmest = amplitude.min(axis=0)
         good = (seen.max(axis=0) < top) & (dimmest > DIM * quantile_of(dimmest, 0.9)) & (dimmest > LEAST)
-        if codes and (good & clear).sum() >= FEWEST:
-            good &= clear
+        if codes and (good & clear).sum() < CLEAR * good.sum():  # blur leaves bits no levels
+            seen, self.levels, self.member = seen[:-2], self.levels[:0], self.member[:-2]
         where = np.flatnonzero(good)
         where = where[:: max(1, len(where) // pixels)]
         self.size = len(where)
         self.seen = seen[:, where].T  # (n, F)
+        self.told = np.ones(self.seen.shape, bool)
+        if codes:
+            self.told[:, self.fringes :] = clear[where, None]
         self.phase = np.angle(quadratures[:, where]).T  # (n, J)
         self.gain, self.ground = np.ones(self.size), np.zeros(self.size)
         self.amplitude = amplitude[:, where]  # (J, n)
@@ -344,11 +350,11 @@ def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Ar
     residual = model.seen - level
     fringe = np.arange(light.shape[1]) < model.fringes
     freedom = max(light.shape[1] - pixel.shape[2], 1) / light.shape[1]
-    model.squares = np.array(
-        [np.median(np.square(part)) if part.size else 0.0 for part in (residual[:, fringe], residual[:, ~fringe])]
-    )
+    kinds = (residual[:, mine][model.told[:, mine]] for mine in (fringe, ~fringe))
+    model.squares = np.array([np.median(np.square(part)) if part.size else 0.0 for part in kinds])
     model.noise = noise = max(float(model.squares[0]) / 0.455 / freedom, 0.1)
     weight = 1 / (noise + np.square(np.where(fringe, MISFIT, FIELD) * gain))
+    weight = weight * model.told
     model.left = np.sqrt(weight) * residual
     misfit = np.mean(np.square(model.left), axis=1)
     weight *= (1 / np.maximum(1.0, misfit / OUTLIER))[:, None]

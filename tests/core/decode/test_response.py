@@ -117,6 +117,15 @@ def test_a_response_is_found_beside_much_blur() -> None:
     assert bent < 1.3 * straight
 
 
+@pytest.mark.parametrize("blur", [5.0, 11.0])
+def test_bits_that_blur_leaves_no_levels_are_no_response(blur: float) -> None:
+    """Sigma was 4.5 times too small where blurred bits stood for off and on."""
+    patterns = gray_and_phase("x", LINES, cell=20, periods=(40.0,), steps=4)
+    sight = Sight(power(1.0), blur_lines=blur, contrast=0.35, noise=0.4)
+    phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+    assert 0.9 < np.sqrt(np.nanmean(((phase.u - sight.u) / phase.sigma_u) ** 2)) < 1.25
+
+
 # each sequence under half of the responses
 @pytest.mark.parametrize(
     ("name", "exponent"), [(name, e) for k, name in enumerate(SEQUENCES) for e in ((0.8, 2.2), (1.4, None))[k % 2]]
