@@ -52,19 +52,19 @@ class LeftOut:
     best: list[Numbers]
 
 
-def dictionary(patterns: list[Pattern], count: int) -> tuple[Array, Array]:
+def dictionary(patterns: list[Pattern], count: int, blurs: tuple[float, ...] = BLURS_LINES) -> tuple[Array, Array]:
     """Give what patterns look like on every half line, sharp to blurred: (k, m), and those lines (m,)."""
-    reach = int(np.ceil(3 * BLURS_LINES[-1]))
+    reach = int(np.ceil(3 * blurs[-1]))
     fine = np.arange(-reach * 4, (count + reach) * 4)  # quarters of a line
     inside = np.clip(fine // 4, 0, count - 1)
     stack = np.array([brightness(p, np.arange(count))[inside] for p in patterns], dtype=np.float32)
     keep = np.arange(reach * 4, (count + reach) * 4, 2)
     offsets = np.arange(-4 * reach, 4 * reach + 1)
-    kernels = np.exp(-0.5 * (offsets[:, None] / (4 * np.array(BLURS_LINES))) ** 2)
+    kernels = np.exp(-0.5 * (offsets[:, None] / (4 * np.array(blurs))) ** 2)
     kernels /= kernels.sum(axis=0)
     blurred = [(sliding_window_view(line, len(offsets))[: 2 * len(keep) : 2] @ kernels).T.ravel() for line in stack]
     at = (fine[keep] + 0.5) / 4 - 0.5
-    return np.array(blurred, np.float32), np.tile(at, len(BLURS_LINES)).astype(np.float32)
+    return np.array(blurred, np.float32), np.tile(at, len(blurs)).astype(np.float32)
 
 
 def nearest(values: Array, possible: Array) -> tuple[Array, NDArray[np.intp]]:

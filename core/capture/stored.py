@@ -134,6 +134,9 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     found = summarise(plan, grey, at, (height, width), full)
     # a frame that only claims to be white is no measure of brightness, and light sections are bright in few frames
     bright = grey.max(axis=0) if any(isinstance(p, Line) for p in plan.shots) else quantiles_in(found.ordered, 0.9)[0]
+    codes = [i for i, p in enumerate(plan.shots) if isinstance(p, Code)]
+    if len(codes) > 2 and not any(level_of(p) == 1 for p in plan.shots):  # blur dims fringes beside them
+        bright = np.maximum(bright, np.partition(grey[codes], -2, axis=0)[-2])
     return replace(found, white=np.maximum(found.white, bright))
 
 

@@ -264,6 +264,15 @@ def told_at_import(patterns: list[Pattern], images: Frames) -> str:
     return "; ".join(f.text for f in _verified(plan, images, LINES, phase) if f.level == "bad")
 
 
+@pytest.mark.parametrize("steps", [4, 12])
+def test_stripes_far_out_of_focus_are_no_contradiction(steps: int) -> None:
+    """Fringes made by defocus, as of binary patterns: bits lose their edges, and are brighter than fringes."""
+    patterns = gray_and_phase("x", LINES[0], cell=20, periods=[40.0], steps=steps)
+    images = [cv2.GaussianBlur(image, (0, 0), 18) for image in render(patterns, 3, dots=False)]
+    assert "contradict" not in told(patterns, images, "object")
+    assert "contradict" in told(patterns, swapped(images, 1, 2), "object")
+
+
 @pytest.mark.parametrize(("name", "gamma"), [("reference", 0.45), ("sine", 2.2)])
 def test_a_response_is_no_contradiction_where_frames_are_taken_or_imported(name: str, gamma: float) -> None:
     patterns = list(SEQUENCES[name])
