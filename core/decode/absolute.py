@@ -149,7 +149,7 @@ def decode(
         )
         phase = decode(patterns, straight, lines=lines, options=options, where=where, progress=progress)
         step = np.float32(1 / steps)
-        notes = (TONE, *phase.notes)
+        notes = (*phase.notes, TONE)
         return replace(phase, modulation=phase.modulation * step, image=phase.image * step, notes=notes)
     found = _Found.of_nothing(arrays[0].shape)
     at_rim = _decode_pixels(found, sequence, arrays, seen, progress)

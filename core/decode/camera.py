@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 
 from core.decode.exposures import DEEPEST, FINEST
 from core.decode.frames import Image
-from core.model import Array
+from core.model import Array, Note
 
 TERMS = 5
 SPREAD = 1.0  # of the parameters over cameras, standard deviation
 FLATTEST = 0.05  # slope of a curve
 STEPS = 4096  # of the light, where a curve is tabulated
-TONE = (
+TONE = Note(
     "The camera's grey values do not grow evenly with the light: its gamma or tone curve was found in the frames and "
-    "taken out. Switch it off, or save raw frames, for less noise."
+    "taken out. Switch it off, or save raw frames, for less noise.",
+    "mended",
 )
 
 

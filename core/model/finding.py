@@ -39,7 +39,7 @@ AXES = {
     "linearity": ("light meant", "light seen"),
     "visibility": ("position of the plate [mm]", "modulation [grey values]"),
 }
-Names = Literal["mistake", "value", "projector", "capture", "light", "pick"]
+Names = Literal["mistake", "value", "projector", "capture", "light", "pick", "mended"]
 SHARPEST: tuple[Names, ...] = ("mistake", "value", "projector")  # what points at a cause, the plainest first
 State = Literal["passed", "doubtful", "failed"]
 
@@ -93,9 +93,10 @@ class Note(str):
     """A sentence that says what is wrong with a capture, and the remedy.
 
     It `names` a mistake in storing or describing frames ("mistake"), a frame or a value that is wrong ("value"), the
-    projector's size or patterns ("projector"), or nothing closer than the capture ("capture"). Two kinds are no fault
-    everywhere: too little light for the noise is none of a board between its measured targets ("light"), and a pick
-    that was not used is none where the others tell as well ("pick").
+    projector's size or patterns ("projector"), or nothing closer than the capture ("capture"). Three kinds are no
+    fault everywhere: too little light for the noise is none of a board between its measured targets ("light"), a pick
+    that was not used is none where the others tell as well ("pick"), and what was found and taken out leaves none
+    ("mended").
     """
 
     names: Names

@@ -39,6 +39,7 @@ from core.pipeline.options import CalibrateOptions
 if TYPE_CHECKING:
     from core.checks import Plates
 
+HARMLESS = "pick", "mended"  # notes that leave no result in doubt: there are more picks than are needed
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 
 
@@ -134,11 +135,11 @@ class Evidence:
 
         sets, boards = self.targets(method), {id(c.testfield): c.testfield for c in self.used[method]}
         of_board = {key: exchanged_notes(board) for key, board in boards.items() if board is not None}
-        notes = {name: [n for n in own if named_by(n) != "pick"] for name, own in notes_of(sets).items()}
+        notes = {name: [n for n in own if named_by(n) not in HARMLESS] for name, own in notes_of(sets).items()}
         for capture in self.used[method]:
             notes.setdefault(capture.name, []).extend((*capture.notes, *of_board.get(id(capture.testfield), ())))
         notes["project"] = list(self.project.notes)
-        told = noted(notes)  # picks are approximate, and more than are needed: nothing in doubt
+        told = noted(notes)
         return [*told, *size_concerns(sets, {c.name: c.testfield for c in self.used[method]})]
 
     def left_out(self, method: Method, rejected: Mapping[str, tuple[int, int]] | None = None) -> tuple[LeftOut, ...]:

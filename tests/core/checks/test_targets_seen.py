@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from core.checks.captures import size_concerns
 from core.checks.plates import intersect_targets
+from core.decode.camera import TONE
+from core.decode.compressed import COMPRESSED
 from core.errors import AdjustmentError
 from core.geometry import Pose, calibration_of_pair, matrix_from_axis_angle, pair_of, project
-from core.model import AdjustedDevice, DeviceSpec, Interior, MissingTarget, TargetSet, Testfield
-from core.pipeline.evidence import because_of, notes_of
+from core.model import AdjustedDevice, Capture, DeviceSpec, Interior, MissingTarget, TargetSet, Testfield
+from core.pipeline.evidence import Evidence, because_of, notes_of
+from core.pipeline.options import CalibrateOptions
 
 
 def test_targets_far_away_in_focal_lengths_are_found_on_the_board_that_they_were_projected_from() -> None:
@@ -61,3 +66,13 @@ def test_work_that_fails_names_the_captures_of_which_nothing_was_measured_and_wh
     told = r"singular.*First see to this: board-0, board-1: none of its targets was measured: pick 1 at"
     with pytest.raises(AdjustmentError, match=told), because_of(notes_of(sets)):
         raise AdjustmentError("the network", "singular", "add poses")
+
+
+@pytest.mark.parametrize(("note", "told"), [(TONE, []), (COMPRESSED, ["board: The frames were compressed"])])
+def test_what_was_taken_out_of_the_frames_leaves_no_result_in_doubt(note: str, told: list[str]) -> None:
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64), *(np.zeros((0, 2)) for _ in range(6))
+    targets, capture = TargetSet("board", *none, notes=(note,)), Capture(Path("board"), "testfield", ())
+    used = {"photogrammetric": [capture]}
+    rig = SimpleNamespace(notes=())
+    evidence = Evidence(rig, {}, {}, used, CalibrateOptions(), [targets], {}, [capture])  # type: ignore[arg-type]
+    assert [c.text[: len("board: The frames were compressed")] for c in evidence.said("photogrammetric")] == told
