@@ -121,7 +121,7 @@ def decode(
             refuse_beyond(pattern, lines, f"{where}: pattern {i}")
     fused = None if exposures_ms is None else fuse_exposures(patterns, arrays, exposures_ms, options, where)
     if fused is not None:
-        depth = replace(options, saturation=float(DEEPEST), min_modulation=options.min_modulation * fused.steps)
+        depth = options.in_steps(fused.steps, float(DEEPEST))
         phase = decode(
             fused.patterns, fused.images, lines=lines, options=depth, noise=fused.noise, where=where, progress=progress
         )
@@ -143,11 +143,10 @@ def decode(
         raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
     seen = measure(sequence, patterns, arrays, options, where, noise)
     if seen.camera is not None:
-        straight, steps = unbend(arrays, seen.camera, float(seen.limits.saturation))
-        options = replace(
-            options, saturation=float(DEEPEST), min_modulation=options.min_modulation * steps, camera=False
-        )
-        phase = decode(patterns, straight, lines=lines, options=options, where=where, progress=progress)
+        full = float(seen.limits.saturation)
+        straight, steps = unbend(arrays, seen.camera, full)
+        even = replace(options.in_steps(steps, steps * full), camera=False)
+        phase = decode(patterns, straight, lines=lines, options=even, where=where, progress=progress)
         step = np.float32(1 / steps)
         notes = (*phase.notes, TONE)
         return replace(phase, modulation=phase.modulation * step, image=phase.image * step, notes=notes)
@@ -168,7 +167,7 @@ def decode(
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
         misfit = misfit.reshape(found.shape)
     _draw_and_doubt(found, sequence, seen)
-    phase = _phase_map(found, misfit, doubts, patterns, arrays, seen)
+    phase = _phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps)
     if options.estimate and (alone := codes_alone(seen.tables)):
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
     return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase
@@ -295,6 +294,7 @@ def _phase_map(
     patterns: Sequence[Pattern],
     images: Sequence[Image],
     seen: Seen,
+    steps: int,
 ) -> PhaseMap:
     """Put a phase map together, with what is to be said of the capture."""
     u, v, sigma_u, sigma_v, modulation, image = found.over_image(
@@ -304,7 +304,7 @@ def _phase_map(
     rows = range(*taken[0].indices(found.shape[0]))
     late = late_frames(patterns, seen.sample, rows, (u[taken].ravel(), v[taken].ravel()), seen.limits)
     detour = any(doubt.detour for doubt in doubts)
-    notes = notes_on(images, seen.sample, flags[taken].ravel(), seen.limits, seen.tables, detour)
+    notes = notes_on(images, seen.sample, flags[taken].ravel(), seen.limits, seen.tables, detour, steps)
     second = next((doubt.second for doubt in doubts if doubt.second), ())
     response = seen.response
     curve = None if response is None else np.column_stack([LEVELS, response.table])[::CURVE]

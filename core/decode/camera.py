@@ -51,11 +51,12 @@ def bend(light: Array, curve: Array, full: float) -> Bent:
 
 
 def unbend(images: Sequence[Image], curve: Array, full: float) -> tuple[list[NDArray[np.uint16]], int]:
-    """Give images in even steps of the light, saturated where they were, and how many these are to a grey value."""
+    """Give images in even steps of the light, at full scale where they were, and how many these are to a grey value."""
     light = full * np.arange(STEPS + 1) / STEPS
-    steps = max(1, min(FINEST, int((DEEPEST - 1) / full)))
+    steps = max(1, min(FINEST, int(DEEPEST / full)))
     seen = np.maximum.accumulate(bend(light, curve, full).grey)
     grey = np.arange(np.iinfo(images[0].dtype).max + 1)
-    table = np.rint(steps * np.interp(grey, seen, light)).astype(np.uint16)
-    table[grey >= full] = DEEPEST
+    # no more than full scale where saturated, as means of frames tell the noise
+    table = np.where(grey < full, np.rint(steps * np.interp(grey, seen, light)), np.ceil(steps * full))
+    table = np.minimum(table, DEEPEST).astype(np.uint16)
     return [table[image] for image in images], steps

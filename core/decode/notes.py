@@ -63,11 +63,12 @@ def notes_on(
     limits: Limits,
     tables: tuple[AxisTable, AxisTable],
     detour: bool = False,
+    steps: int = 1,
 ) -> tuple[Note, ...]:
     """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
 
     `sample` has the frames' grey values (frames, n) in pixels all over the image, `flags` is of the same pixels.
-    `detour` says that light by a second way leaves the order of fringes open.
+    `detour` says that light by a second way leaves the order of fringes open; `steps` of the images are a grey value.
     """
     wanted = [flag for flag, table in zip((Flag.NO_U, Flag.NO_V), tables, strict=True) if table.start != NOTHING]
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
@@ -83,7 +84,7 @@ def notes_on(
     if lit.mean() < NOWHERE:
         lit = _lit_by_means(images, sample, noise / excess)
     if lit.mean() < NOWHERE:
-        level = f"their frames differ by {np.median(contrast):.0f} grey values in the median"
+        level = f"their frames differ by {np.median(contrast) / steps:.0f} grey values in the median"
         remedy = "See that the projector reaches the object, that its frames are those shown, and expose longer"
         return (Note(f"The projector lights no pixel visibly: {level}. {remedy}."),)
     seen, lost = flags[lit], missing[lit]
@@ -93,8 +94,9 @@ def notes_on(
     clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0) & waves
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
-    usual = float(np.median(noise[lit]))
-    causes = _causes(seen[lost], len(seen), limits, (usual, usual / excess), tables, detour)
+    usual = float(np.median(noise[lit])) / steps
+    full = float(limits.saturation) / steps
+    causes = _causes(seen[lost], len(seen), full, (usual, usual / excess), tables, detour)
     if not causes:
         return (Note(f"{head}."),)
     first, *others = (text for text, _ in causes)
@@ -135,20 +137,20 @@ def _excess(images: Sequence[Image], limits: Limits) -> float:
 def _causes(
     lost: NDArray[np.uint8],
     lit: int,
-    limits: Limits,
+    full: float,
     noises: tuple[float, float],
     tables: tuple[AxisTable, AxisTable],
     detour: bool,
 ) -> list[tuple[str, Names]]:
     """The causes, the most frequent first, and what each names.
 
-    Given flags of the pixels that are lost, and how many are lit.
+    Given flags of the pixels that are lost, how many are lit, and full scale.
 
     `noises` are that of their grey values as it was taken, and as the smoothest frame shows it.
     """
     worded = any(table.start == WORDS for table in tables)
     told = worded or any(len(table.period) > 1 or len(table.sign) for table in tables)
-    full, (noise, grain) = float(limits.saturation), noises
+    noise, grain = noises
     grainy = noise <= APART * grain
     remedy = "Focus, expose longer or use longer periods."
     weak = f"the fringes are too weak for the noise of {noise:.1f} grey values. {remedy}"

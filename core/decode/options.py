@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import IntFlag
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,3 +54,8 @@ class DecodeOptions:
     saturation: float | None = None
     estimate: bool = False  #: refine the coordinates by all frames (`estimate`, `codes`): less noise, more time
     camera: bool = True  #: look for the camera's own curve, a gamma or tone curve, and take it out
+    steps: int = 1  #: of the images to a grey value, which modulation and notes are told in
+
+    def in_steps(self, steps: int, saturation: float) -> Self:
+        """Give the same thresholds for images in finer steps, saturated from so many."""
+        return replace(self, steps=steps, saturation=saturation, min_modulation=self.min_modulation * steps)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.decode import decode
+from core.decode import DecodeOptions, decode
 from core.model import named_by
 from core.patterns import Black, Phase, White, gray_and_phase
 
@@ -48,6 +48,12 @@ def test_overexposure(bench) -> None:
     note = noted(bench, gain=400.0)
     assert "full scale (255)" in note
     assert "shorter" in note
+
+
+def test_grey_values_are_those_of_the_frames_where_decoding_makes_finer_steps_of_them(bench) -> None:
+    finer = [16 * image.astype(np.uint16) for image in bench(blur=1.0, gain=400.0).take(PATTERNS)]
+    phase = decode(PATTERNS, finer, lines=(640, 640), options=DecodeOptions().in_steps(16, 16 * 255.0))
+    assert "full scale (255)" in phase.notes[0]
 
 
 def test_overexposure_accuses_no_frames(bench) -> None:

@@ -1,0 +1,22 @@
+"""The way back from a camera's grey values to light."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.decode.camera import TERMS, bend, unbend
+
+
+@pytest.mark.parametrize("full", [255.0, 4095.0, 65535.0])
+def test_light_comes_back_and_what_is_saturated_is_no_brighter_than_the_scale(full: float) -> None:
+    """Means of frames, some of them saturated, tell the noise: more than full scale would be taken for steep light."""
+    curve, light = np.zeros(TERMS), np.linspace(0, full, 1000)
+    curve[:2] = 0.8, -0.2
+    grey = np.rint(bend(light, curve, full).grey).astype(np.uint8 if full == 255 else np.uint16)
+    (back,), steps = unbend([grey], curve, full)
+    assert (
+        np.abs(back / steps - light).max() < 2.0
+    )  # half a grey value where the curve is a third as steep, and half a step
+    assert back.max() == steps * full
+    assert (back[grey < full] < steps * full).all()
