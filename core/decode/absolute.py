@@ -145,8 +145,8 @@ def decode(
     if seen.camera is not None:
         full = float(seen.limits.saturation)
         straight, steps = unbend(arrays, seen.camera, full)
-        even = replace(options.in_steps(steps, steps * full), camera=False)
-        phase = decode(patterns, straight, lines=lines, options=even, where=where, progress=progress)
+        finer = replace(options.in_steps(steps, steps * full), camera=False)
+        phase = decode(patterns, straight, lines=lines, options=finer, where=where, progress=progress)
         step = np.float32(1 / steps)
         notes = (*phase.notes, TONE)
         return replace(phase, modulation=phase.modulation * step, image=phase.image * step, notes=notes)

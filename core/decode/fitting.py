@@ -46,10 +46,14 @@ DIM = 0.1  # part of the brightest pixels' modulation that one must have
 LEAST = 1.0  # grey value, modulation
 SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
 WORTH = 12.0  # the same at the first look; without a curve it is 5 in the mean
-BENT, LEFT = 600.0, 0.5  # the same of a camera's curve; the part of the median squares that it may leave
+BENT, LEFT = (
+    600.0,
+    0.5,
+)  # the same of a camera's curve; the part of the median squares, of fringes and of fields, that it may leave
+UNEVEN = 1.3  # times the dark pixels' light that bright ones have, or a projector's response explains as much
 DEARER = 1.5  # times as much variance of phases is worth a sigma that is true
-UNTOLD, TINY = 1e-6, 1e-12  # of full scale squared: squares of what is solved for anyway
-SETTLED = 0.05  # standard deviations squared of the last change
+UNTOLD = 1e-6  # of full scale squared: squares of what is solved for anyway
+SETTLED, UNSETTLED = 0.05, 1.0  # standard deviations squared of the last change: enough, and too many for a curve
 CROWD = 40000  # pixels whose phases' density is looked at
 
 
@@ -216,14 +220,14 @@ def _search_camera(model: _Model, found: Response) -> Array | None:
     """The camera's curve, found beside the projector's; None if that does not leave much that the camera explains."""
     start, own = np.concatenate([np.frombuffer(_START), np.zeros(TERMS)]), len(found.values)
     prior = np.diag(np.concatenate([_SPREADS, np.full(TERMS, CAMERAS)]) ** -2.0)
-    model.camera, before, phase = np.zeros(TERMS), np.zeros(2), model.phase
+    model.camera, before, phase, untold = np.zeros(TERMS), np.zeros(2), model.phase, UNTOLD * model.top**2
     for k in range(ROUNDS):
         normal, right = _reduced(model, found)
         right -= prior @ (np.concatenate([found.values, model.camera]) - start)
         normal += prior
         if k == 0:
-            before = model.squares
-            if right @ np.linalg.solve(normal, right) < BENT:
+            before, (dark, bright) = model.squares, np.quantile(model.ground + model.gain, (0.1, 0.9))
+            if before[0] < untold or bright < UNEVEN * dark or right @ np.linalg.solve(normal, right) < BENT:
                 return None
         change = _damped(normal, right, prior, k)
         _follow(model, change)
@@ -231,10 +235,12 @@ def _search_camera(model: _Model, found: Response) -> Array | None:
         model.camera = model.camera + change[own:]
         if change @ normal @ change < SETTLED:
             break
+    if change @ normal @ change > UNSETTLED:
+        return None  # as of frames that are exchanged, or a camera that saturates below its full scale
     _reduced(model, found)
-    telling = before > UNTOLD * model.top**2
-    left = np.log(np.maximum(model.squares[telling], TINY) / before[telling])
-    return model.camera if len(left) and left.mean() < np.log(LEFT) and _worth_it(model, phase) else None
+    if (model.squares > np.maximum(LEFT * before, untold)).any():
+        return None  # as of light that scatters, which fields alone show
+    return model.camera if _worth_it(model, phase) else None
 
 
 def _worth_it(model: _Model, phase: Array) -> bool:

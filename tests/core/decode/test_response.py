@@ -164,6 +164,24 @@ def test_a_tone_curve_of_the_camera_is_taken_out(name: str, tone: Curve, exponen
     assert 0.8 < ratio[1] < 1.2
 
 
+def overexposed(light: np.ndarray) -> np.ndarray:
+    return soft(np.minimum(2 * light, 1))
+
+
+def clipped(light: np.ndarray) -> np.ndarray:
+    return soft(np.maximum(light - 0.1, 0))
+
+
+@pytest.mark.parametrize(("tone", "contrast"), [(overexposed, 0.35), (clipped, 0.0)])
+def test_a_tone_curve_that_the_frames_leave_open_is_not_taken_out(tone: Curve, contrast: float) -> None:
+    """The search does not settle, or all pixels are of equal brightness, whose curve may as well be the projector's."""
+    sight = Sight(power(1.0), tone, contrast=contrast, noise=0.4)
+    patterns = sequence(*SEQUENCES["gray and 8 steps"])
+    phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+    assert np.isfinite(phase.u).mean() > 0.985
+    assert 0.6 < np.sqrt(np.nanmean(((phase.u - sight.u) / phase.sigma_u) ** 2)) < 1.2
+
+
 class InStep(Sight):
     """Pixels of 4/3 lines on a plane: every second one meets fringes of 16 lines at six places only."""
 
