@@ -74,10 +74,11 @@ def steady(
     ]
     lit = np.max([grey.max(axis=0) for grey in seen], axis=0) < saturation
     means = [solution[0] @ own @ grey[:, lit] for (_, solution), own, grey in zip(waves, each, seen, strict=True)]
-    usual = np.maximum(np.median(means, axis=0), 1)
+    usual = np.median(means, axis=0)
+    bright = usual > 1  # grey value: where black is 0, most of an image may be that
     light = np.eye(len(images))
     for (frames, solution), own, mean in zip(waves, each, means, strict=True):
-        level = float(np.median(mean / usual)) if len(usual) else 1.0
+        level = float(np.median(mean[bright] / usual[bright])) if bright.any() else 1.0
         whole = np.full(len(frames), 2 - 1 / level if room else level)
         light[np.ix_(frames, frames)] = _to_steady(whole, solution, room) @ own
     x, y = (_lit_by(table, light) for table in tables)

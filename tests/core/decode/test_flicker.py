@@ -45,6 +45,17 @@ def test_flicker_is_taken_out_of_the_phases(bench, name: str) -> None:
     assert 0.85 < np.sqrt(np.nanmean((error / phase.sigma_u) ** 2)) < 1.1
 
 
+def test_flicker_is_taken_out_where_most_of_the_image_is_black(bench) -> None:
+    """A third of it is lit, and the camera's black is 0: half of the image tells nothing of the light."""
+    part, patterns = (np.arange(1000) < 350) * np.ones((200, 1)), SEQUENCES["8 sine steps"]
+    b = bench(height=200, gain=120 * part, ambient=0.0, dark=0.0, shot=0.0)
+    lamp = 30 * part * (1 + 0.3 * np.random.default_rng(1).normal(size=(len(patterns), 1, 1)))
+    images = [np.rint(image + each).astype(np.uint8) for image, each in zip(b.take(patterns), lamp, strict=True)]
+    error = (decode(patterns, images, lines=(N, N)).u - b.u)[:, :340]
+    assert np.isfinite(error).mean() > 0.98
+    assert np.nanstd(error) < 0.1
+
+
 @pytest.mark.parametrize("period", [4.6, 6.4, 8.1, 11.0])
 def test_flicker_is_seen_whatever_the_distance_of_fringes(bench, period: float) -> None:
     """A flat wall, whose fringes are as far apart as pixels of a grid may be; `period` in px."""
