@@ -22,7 +22,6 @@ FAINT = 0.04  # amplitude of a wave, white = 1, from which it is judged
 NO_WAVE = 0.7  # what steps leave of a wave over its amplitude; square waves of few steps leave 0.4
 FEW_PIXELS = 0.02  # share of them that may be anything
 SOFT, LEFT = (4.0, 6.0, 9.0, 13.0, 18.0), 0.75  # lines of blur; part of a cell
-BOTH = 0.5  # of white: bits that differ by so much are on and off
 WAVE_SLACK = 0.5  # rad that a phase may lie outside of its code's cell, for blur at the cells' edges
 
 
@@ -112,7 +111,7 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
         cell = min(p.cell for p in patterns if isinstance(p, Code))
         if _words(tuple(patterns), looked.axis, looked.lines) * cell < looked.lines:
             cell = 0  # a frame was left out for a trial: the others do not tell all cells apart
-        best = nearest_within(_bits_alone(seen[coded]), possible[coded], looked.limit)[1]
+        best = nearest_within(seen[coded], possible[coded], looked.limit)[1]
         number = np.floor((at[best] + 0.25) / max(cell, 1))
     for period in {p.period for p in patterns if isinstance(p, Phase)}:
         steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase) and p.period == period]
@@ -130,12 +129,6 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
         if cell and allowed < 0.85 * np.pi:
             bad |= strong & (np.abs(np.angle(np.exp(1j * phase))) > allowed)
     return bad
-
-
-def _bits_alone(seen: Array) -> Array:
-    """Bits by their own darkest and brightest, where both are shown: fringes that blur has dimmed are no measure."""
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    return np.where(high - low > BOTH, (seen - low) / np.maximum(high - low, BOTH), seen)
 
 
 def _response(seen: Array, expected: Array) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
