@@ -33,18 +33,9 @@ from core.decode.noise import Noise
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.ripple import take_ripple_out
-from core.decode.sample import (
-    spread,
-)
+from core.decode.sample import spread
 from core.decode.sections import decode_sections, section_scratch
-from core.decode.tables import (
-    CODE,
-    NOTHING,
-    PHASES,
-    SWEEP,
-    Limits,
-    Singles,
-)
+from core.decode.tables import CODE, NOTHING, PHASES, SWEEP, Limits, Singles
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import PhaseMap
@@ -127,8 +118,7 @@ def decode(
         )
         fused.widen(phase.sigma_u, "x")
         fused.widen(phase.sigma_v, "y")
-        step, notes = np.float32(1 / fused.steps), (*fused.notes, *phase.notes)
-        return replace(phase, modulation=phase.modulation * step, image=phase.image * step, notes=notes)
+        return replace(_in_grey_values(phase, fused.steps), notes=(*fused.notes, *phase.notes))
     if has_words(patterns, "x") or has_words(patterns, "y"):
 
         def others(some: list[int]) -> PhaseMap:
@@ -147,9 +137,7 @@ def decode(
         straight, steps = unbend(arrays, seen.camera, full)
         finer = replace(options.in_steps(steps, steps * full), camera=False)
         phase = decode(patterns, straight, lines=lines, options=finer, where=where, progress=progress)
-        step = np.float32(1 / steps)
-        notes = (*phase.notes, TONE)
-        return replace(phase, modulation=phase.modulation * step, image=phase.image * step, notes=notes)
+        return replace(_in_grey_values(phase, steps), notes=(*phase.notes, TONE))
     found = _Found.of_nothing(arrays[0].shape)
     at_rim = _decode_pixels(found, sequence, arrays, seen, progress)
     telling = seen.limits
@@ -171,6 +159,12 @@ def decode(
     if options.estimate and (alone := codes_alone(seen.tables)):
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
     return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase
+
+
+def _in_grey_values(phase: PhaseMap, steps: int) -> PhaseMap:
+    """Give modulation and image in grey values, of images in so many steps of one."""
+    step = np.float32(1 / steps)
+    return replace(phase, modulation=phase.modulation * step, image=phase.image * step)
 
 
 class _Doubt(NamedTuple):

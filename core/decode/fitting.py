@@ -46,10 +46,8 @@ DIM = 0.1  # part of the brightest pixels' modulation that one must have
 LEAST = 1.0  # grey value, modulation
 SIGNIFICANT = 30.0  # twice the logarithm of the likelihood by which a curve must explain more than a straight line
 WORTH = 12.0  # the same at the first look; without a curve it is 5 in the mean
-BENT, LEFT = (
-    600.0,
-    0.5,
-)  # the same of a camera's curve; the part of the median squares, of fringes and of fields, that it may leave
+BENT = 600.0  # the same of a camera's curve
+LEFT = 0.5  # part of the median squares, of fringes and of fields, that it may leave
 UNEVEN = 1.3  # times the dark pixels' light that bright ones have, or a projector's response explains as much
 DEARER = 1.5  # times as much variance of phases is worth a sigma that is true
 UNTOLD = 1e-6  # of full scale squared: squares of what is solved for anyway

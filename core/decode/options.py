@@ -58,4 +58,6 @@ class DecodeOptions:
 
     def in_steps(self, steps: int, saturation: float) -> Self:
         """Give the same thresholds for images in finer steps, saturated from so many."""
-        return replace(self, steps=steps, saturation=saturation, min_modulation=self.min_modulation * steps)
+        return replace(
+            self, steps=self.steps * steps, saturation=saturation, min_modulation=self.min_modulation * steps
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.decode import DecodeOptions
 from core.decode.camera import TERMS, bend, unbend
 
 
@@ -15,8 +16,13 @@ def test_light_comes_back_and_what_is_saturated_is_no_brighter_than_the_scale(fu
     curve[:2] = 0.8, -0.2
     grey = np.rint(bend(light, curve, full).grey).astype(np.uint8 if full == 255 else np.uint16)
     (back,), steps = unbend([grey], curve, full)
-    assert (
-        np.abs(back / steps - light).max() < 2.0
-    )  # half a grey value where the curve is a third as steep, and half a step
+    # half a grey value where the curve is a third as steep, and half a step
+    assert np.abs(back / steps - light).max() < 2.0
     assert back.max() == steps * full
     assert (back[grey < full] < steps * full).all()
+
+
+def test_finer_steps_of_finer_steps_are_told_in_grey_values() -> None:
+    """Exposures made one image, and then even steps of the light."""
+    finest = DecodeOptions(min_modulation=3.0).in_steps(16, 4080.0).in_steps(2, 8160.0)
+    assert (finest.steps, finest.min_modulation, finest.saturation) == (32, 96.0, 8160.0)
