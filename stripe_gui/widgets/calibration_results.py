@@ -125,7 +125,7 @@ class CalibrationResults(QWidget):
             self._fill()  # of another pair, perhaps
             return
         self._due = set(range(self.tabs.count()))
-        for i in range(1, 7):
+        for i in range(1, self.tabs.count() - 1):
             self.tabs.setTabEnabled(i, view.adjustment is not None)
         self._fill()
 
