@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
@@ -32,19 +30,30 @@ class EvaluationView:
     every: tuple[PlaneEvaluation, ...]  # of all
 
     @property
-    def methods(self) -> list[str]:
-        return list(dict.fromkeys(e.method for e in self.evaluations))
+    def pair(self) -> tuple[str, str]:
+        """Whose evaluations these are, the first at least."""
+        return self.evaluations[0].devices
+
+    @property
+    def ways(self) -> dict[str, dict[str, PlaneEvaluation]]:
+        """Every way in which points were made, by name, with its evaluations by capture."""
+        found: dict[str, dict[str, PlaneEvaluation]] = {}
+        for e in self.evaluations:
+            found.setdefault(self.name(e), {})[e.capture] = e
+        return found
 
     @property
     def captures(self) -> list[str]:
         return list(dict.fromkeys(e.capture for e in self.evaluations))
 
-    def of(self, capture: str, method: str) -> PlaneEvaluation | None:
-        return next((e for e in self.evaluations if (e.capture, e.method) == (capture, method)), None)
-
-    def by_method(self, capture: str) -> list[PlaneEvaluation]:
-        """Give a capture's evaluations, in the order of the methods."""
+    def of(self, capture: str) -> list[PlaneEvaluation]:
+        """Give a capture's evaluations, in the order of the ways."""
         return [e for e in self.evaluations if e.capture == capture]
+
+    def name(self, e: PlaneEvaluation) -> str:
+        """Name the way in which points were made: by the method, and by the devices where they are not the pair's."""
+        by = e.devices[1]
+        return told(e.method) if by == self.pair[1] else f"{told(e.method)}, {told(by)}"
 
 
 def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Progress = SILENT) -> EvaluationView | None:
@@ -58,9 +67,8 @@ def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Prog
     (table,) = CHAPTERS["planes"].tables(ReportData(folder.project, evaluations=evaluations))
     of_camera = tuple(e for e in evaluations if e.devices[0] == pair[0])  # that it and others made, if no pair did
     own = tuple(e for e in of_camera if e.devices == pair)
-    if own:  # beside it, as if by another method, what all devices made together
-        together = [e for e in of_camera if e.devices[1] not in folder.project.rig.projectors]
-        own += tuple(replace(e, method=f"{e.method}, {e.devices[1]}") for e in together)
+    if own:  # and what all devices made together
+        own += tuple(e for e in of_camera if e.devices[1] not in folder.project.rig.projectors)
     own = own or of_camera or evaluations
     camera = folder.project.rig.cameras[own[0].devices[0]]
     return EvaluationView(own, colour_limit_mm(evaluations), table, camera, _verdicts(evaluations), evaluations)
@@ -69,7 +77,7 @@ def load_evaluation(folder: ProjectFolder, pair: tuple[str, str], progress: Prog
 def _verdicts(evaluations: tuple[PlaneEvaluation, ...]) -> dict[str, Verdict]:
     several = len({e.devices for e in evaluations}) > 1
     judged = [
-        (", ".join((plane_name(e), *(e.devices[:1] if several else ()), told(e.method))), e.verdict)
+        (", ".join((plane_name(e), *(map(told, e.devices) if several else ()), told(e.method))), e.verdict)
         for e in evaluations
     ]
     return {name: verdict for name, verdict in judged if verdict is not None and verdict.state != "passed"}
@@ -92,10 +100,10 @@ def angle_text(angle_deg: float | None) -> str:
 
 
 def reading(view: EvaluationView, capture: str, u: float, v: float) -> str:
-    """Say what is known of a pixel: its place in the image and on the plane, and its deviation by every method."""
+    """Say what is known of a pixel: its place in the image and on the plane, and its deviation in every way."""
     column, row = round(u), round(v)
     parts = [f"u {column}   v {row} px"]
-    own = view.by_method(capture)
+    own = view.of(capture)
     for e in own[:1]:
         if e.camera is not None:
             x, y, z = points_on_plane(e.plane, view.camera, e.camera, (column, row))
@@ -105,43 +113,41 @@ def reading(view: EvaluationView, capture: str, u: float, v: float) -> str:
         inside = 0 <= row < height and 0 <= column < width
         value = float(e.deviation_mm[row, column]) if inside else float("nan")
         text = f"{1000 * value:+.1f} µm" if np.isfinite(value) else translate("Evaluate", "no value")
-        parts.append(f"{told(e.method)} {text}")
+        parts.append(f"{view.name(e)} {text}")
     return "     ".join(parts)
 
 
 def profiles(view: EvaluationView, capture: str, start: Pair, stop: Pair) -> dict[str, Profile]:
-    """Read the deviations along a line, by every method that knows the camera it was made with.
+    """Read the deviations along a line, in every way that knows the camera it was made with, by name.
 
     InputError if the line is shorter than a pixel.
     """
-    return {
-        e.method: read_profile(e, view.camera, start, stop) for e in view.by_method(capture) if e.camera is not None
-    }
+    return {view.name(e): read_profile(e, view.camera, start, stop) for e in view.of(capture) if e.camera is not None}
 
 
-def profile_text(method: str, line: Profile) -> str:
+def profile_text(name: str, line: Profile) -> str:
     """Sum a profile up: r.m.s. and range of the deviations."""
     known = line.deviation_mm[np.isfinite(line.deviation_mm)] * 1000
     if not len(known):
-        return translate("Evaluate", "{method}: no values").format(method=told(method))
+        return translate("Evaluate", "{method}: no values").format(method=name)
     text = translate("Evaluate", "{method}: {rms:.1f} µm r.m.s., {low:+.0f} to {high:+.0f} µm")
     rms = float(np.sqrt(np.mean(known**2)))
-    return text.format(method=told(method), rms=rms, low=known.min(), high=known.max())
+    return text.format(method=name, rms=rms, low=known.min(), high=known.max())
 
 
 def distribution_text(view: EvaluationView, capture: str) -> str:
-    """Set the shares within one, two and three r.m.s. beside those of a normal distribution; one line per method."""
+    """Set the shares within one, two and three r.m.s. beside those of a normal distribution; one line per way."""
     text = translate(
         "Evaluate", "{method}: within 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms:.4f} mm{predicted}"
     )
     lines = []
-    for e in (e for e in view.by_method(capture) if e.rms_mm > 0):
+    for e in (e for e in view.of(capture) if e.rms_mm > 0):
         shares = ", ".join(f"{100 * share_within(e, times):.2f}" for times in (1, 2, 3))
         predicted = translate("Evaluate", ", from the noise {rms:.4f} mm").format(rms=e.predicted_rms_mm or 0)
         normal = ", ".join(f"{share:.2f}" for share in NORMAL_SHARES)
         lines.append(
             text.format(
-                method=told(e.method),
+                method=view.name(e),
                 shares=shares,
                 normal=normal,
                 rms=e.rms_mm,

@@ -1,4 +1,4 @@
-"""Signed deviations of planes as maps on one colour scale, with a cursor at the same place of every method's map."""
+"""Signed deviations of planes as maps on one colour scale, with a cursor at the same place of every map of a plane."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QGridLayout, QWidget
 
 from core.model import PlaneEvaluation
 from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
-from stripe_gui.presenters.told import sentence, told
+from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.image_view import ARROWS, ImageView
 from stripe_gui.widgets.layout import boxed, button, column, emptied, label, real, row, scrolled
@@ -21,7 +21,7 @@ CURSOR = "#101010"  # dark on the light middle of the scale, in both appearances
 
 
 class DeviationMaps(QWidget):
-    """One map per plane and method, methods below each other (or `beside`); they zoom together.
+    """One map per plane and way to make points, ways below each other (or `beside`); they zoom together.
 
     Shift and the arrow keys move the cursor by a pixel, with Ctrl by ten.
     """
@@ -58,13 +58,12 @@ class DeviationMaps(QWidget):
         """Show the maps of all captures, or of some."""
         self._clear()
         before, self._view = self._view, view
-        for i, method in enumerate(view.methods):
+        for i, (way, made) in enumerate(view.ways.items()):
             if not self._beside:
-                self._grid.addWidget(label(sentence(method), "heading"), 2 * i, 0, 1, -1)
+                self._grid.addWidget(label(sentence(way), "heading"), 2 * i, 0, 1, -1)
             for j, capture in enumerate(captures or view.captures):
-                evaluation = view.of(capture, method)
-                if evaluation is not None:
-                    self._grid.addWidget(self._map(evaluation), *((j, i) if self._beside else (2 * i + 1, j)))
+                if capture in made:
+                    self._grid.addWidget(self._map(made[capture], way), *((j, i) if self._beside else (2 * i + 1, j)))
         if before is not None and before.evaluations is view.evaluations:
             self._scale(self.limit.value())
         else:
@@ -83,9 +82,8 @@ class DeviationMaps(QWidget):
             for made in self.maps:
                 made.canvas.box.setRange(frame, padding=0.04)
 
-    def _map(self, evaluation: PlaneEvaluation) -> QWidget:
-        method = told(evaluation.method)
-        name = self.tr("Deviations of {capture}, {method}").format(capture=evaluation.capture, method=method)
+    def _map(self, evaluation: PlaneEvaluation, way: str) -> QWidget:
+        name = self.tr("Deviations of {capture}, {method}").format(capture=evaluation.capture, method=way)
         made = ImageView(name, bar=False)
         made.setMinimumSize(140, 76)
         made.readout.hide()  # one for all maps
@@ -103,7 +101,7 @@ class DeviationMaps(QWidget):
         self.maps.append(made)
         self._captures.append(evaluation.capture)
         self._cursors.append(cursor)
-        title = label(sentence(evaluation.method) if self._beside else plane_name(evaluation))
+        title = label(sentence(way) if self._beside else plane_name(evaluation))
         figures = label(self.tr("{rms:.4f} mm r.m.s.").format(rms=evaluation.rms_mm), "muted")
         figures.setToolTip(self.tr("{n} points").format(n=evaluation.n))
         heading = row(title, figures, None) if self._beside else column(title, figures, spacing=0)
@@ -125,7 +123,7 @@ class DeviationMaps(QWidget):
         return self._view.camera.width, self._view.camera.height
 
     def _say(self, at: tuple[int, float, float] | None) -> None:
-        """Put the cursor at a place of a map, and at the same place of the other methods' maps."""
+        """Put the cursor at a place of a map, and at the same place of the other ways' maps."""
         if at is not None:
             width, height = self._size()
             u, v = float(round(at[1])), float(round(at[2]))

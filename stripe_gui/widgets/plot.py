@@ -168,12 +168,13 @@ class Histogram(Plot):
                 continue
             share = np.histogram(np.clip(finite, -limit, limit), edges)[0] / len(finite) * 100
             highest, beyond = max(highest, float(share.max())), beyond or float(np.abs(finite).max()) > limit
-            style = "line" if normal else list(STYLES)[i // 2 % len(STYLES)]
+            style, beside = (("line", "dash"), ("dot", "dash-dot"))[i // 2 % 2]
+            style = style if normal else list(STYLES)[i // 2 % len(STYLES)]
             curves.append(Curve(name, edges, share, i % 2, style))
             if normal and (sigma := normal[i][1]):
                 density = 100 * (edges[1] - edges[0]) / (sigma * np.sqrt(2 * np.pi)) * np.exp(-0.5 * (x / sigma) ** 2)
                 highest = max(highest, float(density.max()))
-                curves.append(Curve(normal[i][0], x, density, i % 2, "dash"))
+                curves.append(Curve(normal[i][0], x, density, i % 2, beside))
         text = (
             self.tr("deviation [{unit}]; the outermost steps hold all beyond")
             if beyond

@@ -55,7 +55,7 @@ def test_a_method_from_outside_goes_the_whole_way_through_the_window(
     assert page.calibrations.chosen() == ["photogrammetric", "polynomial", "lookup"]
     click(page.run_button, qtbot)
     idle(window, qtbot)
-    assert page._view.methods == ["photogrammetric", "polynomial", "lookup"]
+    assert list(page._view.ways) == ["photogrammetric", "polynomial", "lookup"]
     assert "lookup" in cells(page.table)
 
     view = load_report(window.bench.session.opened)

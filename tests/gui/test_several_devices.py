@@ -14,7 +14,7 @@ import pytest
 from core.capture.plan import make_plan
 from core.errors import InputError
 from core.geometry.pairs import names_of, orientation_names
-from core.model import Adjustment, Orientation, PhotogrammetricCalibration, Subject
+from core.model import Adjustment, Concern, Orientation, PhotogrammetricCalibration, Subject, verdict_of
 from core.pipeline import load_evaluation
 from core.pipeline.evaluate import TOGETHER
 from core.pipeline.options import check_options
@@ -219,8 +219,47 @@ def test_what_all_devices_made_stands_beside_the_pair(finished: Path, pair_proje
     folder = ProjectFolder(pair_project)
     for camera, first in (("left", 0), ("right", 2)):
         view = evaluation_of(folder, (camera, "projector"))
-        assert view.methods == [plane.method, f"{plane.method}, all devices"]
-        shown = [view.of(plane.capture, method).deviation_mm[0, 0] for method in view.methods]
-        assert shown == [first, first + 1]
+        shown = {way: made[plane.capture].deviation_mm[0, 0] for way, made in view.ways.items()}
+        assert shown == {plane.method: first, f"{plane.method}, all devices": first + 1}
         assert view.camera is folder.project.rig.cameras[camera]
-        assert {e.method for e in view.every} == {plane.method}
+        assert {e.method for e in view.evaluations} == {plane.method}
+
+
+def test_whatever_is_doubtful_of_a_plane_is_told_and_every_curve_differs(
+    window, finished: Path, pair_project: Path, qtbot
+) -> None:
+    """Of a pair and of all devices only the last verdict was told; the third curve of a profile looked as the first."""
+    plane, *_ = load_evaluation(read_project(finished))
+    doubt = verdict_of([Concern("doubtful", "seen")], [])
+    made = [("photogrammetric", "projector"), ("polynomial", "projector"), ("photogrammetric", TOGETHER)]
+    rows = tuple(replace(plane, devices=("left", by), method=m, verdict=doubt) for m, by in made)
+    save_archive(pair_project / "results" / "evaluation.npz", rows)
+    assert window.open_path(pair_project)
+    window.show_page("evaluate")
+    idle(window, qtbot)
+    assert len(window.page.verdicts.boxes) == len(rows)
+    for curves in (window.page.profile.plot.curves, window.page.histogram.histogram.curves):
+        assert len({(curve.tone, curve.style) for curve in curves}) == len(curves) >= len(rows)
+
+
+def test_the_maps_of_a_camera_are_those_by_the_projector_that_is_chosen(
+    window, finished: Path, pair_project: Path, qtbot
+) -> None:
+    """Where both had one camera, those by the projector chosen before stayed."""
+    document = json.loads((pair_project / "project.json").read_text())
+    document["projectors"] = dict.fromkeys(("above", "below"), document["projector"])
+    document["cameras"] = {"left": document["cameras"]["left"]}
+    del document["projector"]
+    (pair_project / "project.json").write_text(json.dumps(document | {"captures": []}))
+    plane, *_ = load_evaluation(read_project(finished))
+    rows = [
+        replace(plane, devices=("left", by), deviation_mm=np.full_like(plane.deviation_mm, k))
+        for k, by in enumerate(("above", "below"))
+    ]
+    save_archive(pair_project / "results" / "evaluation.npz", tuple(rows))
+    assert window.open_path(pair_project)
+    window.show_page("evaluate")
+    idle(window, qtbot)
+    for k, by in enumerate(("above", "below")):
+        choose(window, f"left with {by}", qtbot)
+        assert [made.image[0, 0] for made in window.page.deviations.maps] == [k]

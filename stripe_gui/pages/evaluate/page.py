@@ -91,7 +91,7 @@ class EvaluatePage(PartsPage):
 
     def _take(self, view: EvaluationView | None) -> None:
         before = self._view
-        if view is not None and not (before and before.every is view.every and before.camera is view.camera):
+        if view is not None and not (before and before.every is view.every and before.pair == view.pair):
             first, self._view = self._view is None, view
             for part in (self.deviations, self.profile, self.histogram):
                 part.show_view(view)

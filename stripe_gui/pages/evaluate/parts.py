@@ -14,11 +14,10 @@ from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QWidget
 from core.evaluate import line_across
 from stripe_gui.pages.evaluate.choices import Choice
 from stripe_gui.presenters.evaluate import EvaluationView, distribution_text, plane_name, profile_text, profiles
-from stripe_gui.presenters.told import told
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.image_view import ARROWS, ImageView
 from stripe_gui.widgets.layout import button, choice, column, label, refill, row
-from stripe_gui.widgets.plot import Curve, Histogram, Plot
+from stripe_gui.widgets.plot import STYLES, Curve, Histogram, Plot
 
 NAME = Qt.ItemDataRole.UserRole
 UM = 1000.0
@@ -173,7 +172,7 @@ class CheckList(QListWidget):
 
 def _offer(box: QComboBox, view: EvaluationView, *more: tuple[str, str]) -> None:
     """Offer the planes of an evaluation; the one chosen stays."""
-    planes = [(plane_name(view.by_method(capture)[0]), capture) for capture in view.captures]
+    planes = [(plane_name(view.of(capture)[0]), capture) for capture in view.captures]
     refill(box, [*planes, *more], box.currentData())
 
 
@@ -228,7 +227,7 @@ class ProfilePart(QWidget):
         """Put the line at shares of the area that has deviations."""
         if self._view is None:
             return
-        maps = [e.deviation_mm for e in self._view.by_method(self.plane.currentData())]
+        maps = [e.deviation_mm for e in self._view.of(self.plane.currentData())]
         if any(np.isfinite(m).any() for m in maps):
             self.tool.set_line(*line_across(maps, start, stop))
 
@@ -240,14 +239,13 @@ class ProfilePart(QWidget):
         self.line_changed.emit(self.line)
         found = profiles(self._view, self.plane.currentData(), *self.line)
         curves, reach, longest = [], 1.0, 1.0
-        for i, (method, line) in enumerate(found.items()):
+        for i, (name, line) in enumerate(found.items()):
             known = np.isfinite(line.sigma_mm).any()
             text = self.tr("{said}, tinted: ±σ predicted") if known else "{said}"
-            text = text.format(said=profile_text(method, line))
+            text = text.format(said=profile_text(name, line))
             band = line.sigma_mm * UM if known else None
-            curves.append(
-                Curve(text, line.length_mm, line.deviation_mm * UM, i % 2, "line" if i % 2 == 0 else "dash", band)
-            )
+            style = list(STYLES)[i % len(STYLES)]
+            curves.append(Curve(text, line.length_mm, line.deviation_mm * UM, i % 2, style, band))
             finite = np.abs(line.deviation_mm[np.isfinite(line.deviation_mm)]) * UM
             reach = max(reach, float(finite.max())) if len(finite) else reach
             longest = max(longest, float(line.length_mm[-1]))
@@ -280,12 +278,12 @@ class HistogramPart(QWidget):
             return
         if not plane:
             ordered = sorted(view.evaluations, key=lambda e: view.captures.index(e.capture))
-            series = [(f"{e.capture}, {told(e.method)}", e.deviation_mm) for e in ordered]
+            series = [(f"{e.capture}, {view.name(e)}", e.deviation_mm) for e in ordered]
             self.histogram.set_values(series, view.limit_mm)
             self.shares.setText("\n".join(distribution_text(view, capture) for capture in view.captures))
             return
-        own = view.by_method(plane)
-        series = [(told(e.method), e.deviation_mm) for e in own]
+        own = view.of(plane)
+        series = [(view.name(e), e.deviation_mm) for e in own]
         normal = [(self.tr("normal, {rms:.4f} mm").format(rms=e.rms_mm), e.rms_mm) for e in own]
         self.histogram.set_values(series, 4 * max(e.rms_mm for e in own) or 1.0, 81, normal=normal)
         self.shares.setText(distribution_text(view, plane))
