@@ -9,8 +9,9 @@ from typing import Any
 from PySide6.QtWidgets import QFrame
 
 from core.pipeline.volumes import left_out_figures, left_out_verdict, next_pose_figures
+from core.progress import Progress
 from stripe_gui.jobs import Job
-from stripe_gui.presenters.folder import version
+from stripe_gui.presenters.folder import ProjectFolder, version
 from stripe_gui.presenters.studies import left_out_table, next_pose_table
 from stripe_gui.presenters.told import told
 from stripe_gui.widgets.layout import button, column, label, row
@@ -19,6 +20,17 @@ from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
 
 Version = tuple[Path, tuple[int, int] | None]
+
+
+def in_use(folder: ProjectFolder | None) -> Version | None:
+    """Tell the photogrammetric calibration in use from others."""
+    file = None if folder is None else folder.result_file("photogrammetric.npz")
+    return None if file is None or not file.exists() else (file, version(file))
+
+
+def asked(folder: ProjectFolder, function: Callable[..., Any], progress: Progress) -> tuple[Version | None, Any]:
+    """Ask the calibration that is in use once the job begins: what ran before it may have made another."""
+    return in_use(folder), function(folder.project, progress=progress)
 
 
 class Study(QFrame):
@@ -41,10 +53,8 @@ class Study(QFrame):
 
     def ask(self) -> None:
         """Work the answer out as a job."""
-        self._of = self._in_use()
-        jobs, project = self._bench.jobs, self._bench.session.opened.project
-        failed = self._bench.report_failure
-        self._job = jobs.run(self._title, self._function, project, on_done=self._answered, on_failed=failed)
+        about, failed = (self._bench.session.opened, self._function), self._bench.report_failure
+        self._job = self._bench.jobs.run(self._title, asked, *about, on_done=self._answered, on_failed=failed)
         self._job.ended.connect(self.refresh)
         self.refresh()
 
@@ -52,23 +62,19 @@ class Study(QFrame):
         """Ask anew about another calibration; the button waits for the answer."""
         running = self._job is not None and self._job.active
         self.ask_button.setEnabled(self.possible and not running)
-        if self._in_use() != self._of:
+        if in_use(self._bench.session.folder) != self._of:
             self.verdicts.show_verdicts({})
             self.table.hide()
 
     @property
     def possible(self) -> bool:
         """Whether there is a calibration to ask."""
-        return self._in_use() is not None
+        return in_use(self._bench.session.folder) is not None
 
-    def _in_use(self) -> Version | None:
-        """Tell the photogrammetric calibration in use from others."""
-        folder = self._bench.session.folder
-        file = None if folder is None else folder.result_file("photogrammetric.npz")
-        return None if file is None or not file.exists() else (file, version(file))
-
-    def _answered(self, found: list[dict[str, Any]]) -> None:
-        if self._of == self._in_use():
+    def _answered(self, answer: tuple[Version | None, list[dict[str, Any]]]) -> None:
+        of, found = answer
+        if of == in_use(self._bench.session.folder):
+            self._of = of
             self.show_answer(found)
             self.table.fit_height()
             self.table.show()

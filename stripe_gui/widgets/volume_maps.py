@@ -52,6 +52,7 @@ class VolumeMaps(QWidget):
         if self._job is not None:
             self._job.cancel()
         self._asked = asked
+        self._body.hide()  # it is of something else
         self.said.setText(self.tr("Working out…"))
         views, title = self._bench.views, self.tr("Working volume")
         self._job = views.run(title, function, *arguments, waits=True, on_done=self._show, on_failed=self._refuse)
@@ -72,7 +73,7 @@ class VolumeMaps(QWidget):
         told = describe(failure.error)
         what, remedy = (sentence(text).rstrip(".") for text in (told.happened, told.remedy))
         self.said.setText(self.tr("{what}. {remedy}.").format(what=what, remedy=remedy))
-        self._body.hide()
+        self._asked = None  # the next look tries again
 
     def _stopped(self, job: Job) -> None:
         if job is self._job:  # nothing else is looked at: the next look asks again

@@ -306,6 +306,12 @@ def test_captures_are_left_out_and_the_next_pose_is_found_unless_it_is_cancelled
     assert study.table.isHidden()
     assert pose.table.isHidden()
     assert not [n for n in notices if n.kind == "error"]
+    # an answer that waits for a calibration is of that one: it was thrown away as another's
+    bench.jobs.run("another", lambda progress: os.utime(finished_project / "results/runs/0001/photogrammetric.npz"))
+    pose.ask()
+    idle(window, qtbot)
+    pose.refresh()
+    assert pose.table.isVisible()
 
 
 def test_the_object_points_tell_their_sigmas_in_every_direction(

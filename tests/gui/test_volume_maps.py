@@ -10,7 +10,8 @@ import pytest
 from PySide6.QtCore import QPoint, QRect
 
 from core.geometry import Pose
-from core.model import Adjustment, PhotogrammetricCalibration
+from core.model import Adjustment, DepthCalibration, PhotogrammetricCalibration
+from core.pipeline import CalibrateOptions
 from core.pipeline.runs import keep_run, list_runs, run_folder
 from core.project import load_archive, read_project
 from tests.gui.conftest import settle
@@ -73,3 +74,35 @@ def test_a_longer_base_puts_every_point_farther_by_its_share(page, window, qtbot
     page.runs.second.setCurrentIndex(1)
     idle(window, qtbot)
     assert volume.table.model.table.rows[2][1].value == pytest.approx(before, rel=0.01)
+
+
+def test_what_is_shown_is_of_what_was_asked_last_and_a_failure_is_not_kept(page, window, qtbot) -> None:
+    """Maps of the runs before stayed beside "Working out…"; a file that was missing once was never looked for again."""
+    page.go_to("runs")
+    front(page.runs.tabs, "volume")
+    idle(window, qtbot)
+    volume, folder = page.runs.volume, run_folder(window.bench.session.opened.project, 2)
+    assert volume.view.isVisible()
+    (folder / "photogrammetric.npz").rename(folder / "away")
+    page.runs.first.setCurrentIndex(0)
+    page.runs.second.setCurrentIndex(1)
+    assert volume.said.text() == "Working out…"
+    assert not volume.view.isVisible()
+    idle(window, qtbot)
+    assert "no photogrammetric calibration of run 2" in volume.said.text()
+    (folder / "away").rename(folder / "photogrammetric.npz")
+    page.go_to("results")
+    page.go_to("runs")
+    idle(window, qtbot)
+    assert volume.view.isVisible()
+
+
+def test_runs_that_can_be_compared_are_even_where_the_newest_cannot(page, window, qtbot) -> None:
+    project = window.bench.session.opened.project
+    first = list_runs(project)[0]
+    depth = load_archive(run_folder(project, 1) / "polynomial.npz", DepthCalibration)
+    captures = {"polynomial": first.captures["polynomial"]}
+    keep_run(project, replace(first, captures=captures, options=CalibrateOptions(degree=2)), {"polynomial.npz": depth})
+    page.go_to("runs")
+    assert [box.currentData() for box in (page.runs.second, page.runs.first)] == [2, 1]
+    assert page.runs.comparison.isVisible()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLineEdit, QTabWidget, QWidget
 
 from core.pipeline import Run, current_runs, delete_run, list_runs, make_current, rename_run
@@ -49,6 +50,7 @@ class RunsPart(QWidget):
             self.tabs.addTab(widget, title)
         self.tabs.currentChanged.connect(self._compare)
         self.nothing = label("", "muted", wrap=True)
+        self.nothing.setAlignment(Qt.AlignmentFlag.AlignTop)
         buttons = row(self.use_button, self.name, self.rename_button, self.delete_button, None)
         pair = row(label(self.tr("Compare")), self.second, label(self.tr("with")), self.first, None)
         lower = boxed(column(pair, self.nothing, (self.tabs, 1), spacing=8))
@@ -58,16 +60,17 @@ class RunsPart(QWidget):
         self._offer()
 
     def show_runs(self) -> None:
-        """List the project's runs, the newest first; the newest is compared with the one before it."""
+        """List the project's runs, the newest first; the newest that can be compared is, with the one before it."""
         folder = self._bench.session.folder
         runs = tuple(reversed(list_runs(folder.project))) if folder is not None else ()
         current = current_runs(folder.project) if folder is not None else {}
         fresh = {r.number for r in runs} != {r.number for r in self._runs}
         self._runs, self._used = runs, set(current.values())
         self.table.show_table(runs_table(runs[::-1], current) if runs else EMPTY)
-        for box, at in ((self.first, 1), (self.second, 0)):
+        places = sorted(range(len(runs)), key=lambda i: "photogrammetric" not in runs[i].methods)
+        for box, place in ((self.first, places[:2][-1:]), (self.second, places[:1])):
             wanted = None if fresh else box.currentData()
-            refill(box, [(run_title(run), run.number) for run in runs], wanted, otherwise=min(at, len(runs) - 1))
+            refill(box, [(run_title(run), run.number) for run in runs], wanted, otherwise=place[0] if place else 0)
         if runs:
             self.table.choose_row(0)
         self._compare()
