@@ -1,4 +1,4 @@
-"""What one more capture of the board would bring, and which: from the covariance, before anything is captured.
+"""What further captures of the board would bring, and which: from the covariance, before anything is captured.
 
 A pose that is added to a network takes ``QAᵀ(I + AQAᵀ)⁻¹AQ`` off the cofactors Q of all that poses share, with A its
 whitened equations, the pose itself eliminated. Its observations need not be known for that.
@@ -6,6 +6,7 @@ whitened equations, the pose itself eliminated. Its observations need not be kno
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
@@ -21,7 +22,7 @@ from core.calibrate.state import interior_of
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_axis_angle, project
 from core.lazy import dataclass
-from core.model import Network
+from core.model import Array, Network
 from core.model.arrays import Ints
 from core.progress import SILENT, Progress
 
@@ -49,7 +50,7 @@ class NextPose:
     From facing the first device upright, the board is turned by `roll_deg` in its plane, then tilted by `tilt_deg`
     about an axis across the view, `about_deg` anticlockwise from the image's right; its middle is `distance_mm` away.
     The sigmas of all interior and relative orientations fall by `gain` (a share, geometric mean), that of `parameter`
-    most, by `most`.
+    most, by `most`, from what they are with the poses proposed before.
     """
 
     tilt_deg: float
@@ -71,7 +72,9 @@ class NextPose:
 
 
 def next_poses(network: Network, count: int = 3, progress: Progress = SILENT) -> tuple[NextPose, ...]:
-    """Try poses of the board of an adjusted network and give those that would bring most, the best first.
+    """Try poses of the board of an adjusted network and give those to capture next, in this order.
+
+    Each brings most once those before it are captured.
 
     Raises
     ------
@@ -96,11 +99,10 @@ def next_poses(network: Network, count: int = 3, progress: Progress = SILENT) ->
             poses.append(pose)
     if not poses:
         raise InputError("the network", "no pose tried is seen by all devices", "place the board where all see it")
-    found = [
-        NextPose(*where, float(-pose.translation_mm[2]), *gain)
-        for where, pose, gain in zip(tried, poses, _gains(solved, poses, progress.part(0.3, 1.0)), strict=True)
-    ]
-    return tuple(sorted(found, key=lambda one: -one.gain)[:count])
+    return tuple(
+        NextPose(*tried[k], float(-poses[k].translation_mm[2]), *gain)
+        for k, gain in _chosen(solved, poses, min(count, len(poses)), progress.part(0.3, 1.0))
+    )
 
 
 def _seen(solved: Solved, pose: Pose) -> list[Ints]:
@@ -113,8 +115,45 @@ def _seen(solved: Solved, pose: Pose) -> list[Ints]:
     return seen
 
 
-def _gains(solved: Solved, poses: list[Pose], progress: Progress) -> list[tuple[float, str, float]]:
-    """Gain of every pose, the parameter that gains most, and by how much."""
+def _chosen(
+    solved: Solved, poses: list[Pose], count: int, progress: Progress
+) -> list[tuple[int, tuple[float, str, float]]]:
+    """Choose poses one after the other: which, and its gain, the parameter that gains most, and by how much.
+
+    A pose brings hardly more after another than before it. So only those are tried again whose earlier gain is above
+    the best of this turn. Source: Minoux, *Accelerated greedy algorithms for maximizing submodular set functions*,
+    1978.
+    """
+    equations, names = _equations_of(solved, poses), global_names(solved)
+    Q, G = solved.inverse.Q, solved.problem.globals
+    unit = np.sqrt(np.diagonal(Q)[:G])
+    scale = np.outer(unit, unit)
+    gains: list[tuple[float, str, float]] = [(np.inf, "", 0.0)] * len(poses)
+    chosen = []
+    for turn in range(count):
+        before, current = Q[:G, :G], set[int]()
+        while (best := max(range(len(poses)), key=lambda k: gains[k][0])) not in current:
+            progress((turn + len(current) / len(poses)) / count, "trying poses")
+            A = equations(best)
+            after = before - _brought(A, A @ Q, G)
+            change = np.linalg.slogdet(after / scale)[1] - np.linalg.slogdet(before / scale)[1]
+            shares = 1 - np.sqrt(np.diagonal(after) / np.diagonal(before))
+            most = int(np.argmax(shares))
+            gains[best] = float(1 - np.exp(change / (2 * G))), names[most], float(shares[most])
+            current.add(best)
+        chosen.append((best, gains[best]))
+        A = equations(best)
+        Q = Q - _brought(A, A @ Q, len(Q))
+    return chosen
+
+
+def _brought(A: Array, AQ: Array, size: int) -> Array:
+    """Cofactors of the first unknowns that equations A take off Q."""
+    return AQ[:, :size].T @ np.linalg.solve(np.eye(len(A)) + AQ @ A.T, AQ[:, :size])
+
+
+def _equations_of(solved: Solved, poses: list[Pose]) -> Callable[[int], Array]:
+    """Give the whitened equations of a pose, which is eliminated, in the shared unknowns."""
     network, names = solved.network, solved.problem.device_names
     with np.errstate(divide="ignore"):
         sigmas = 1 / solved.problem.root_weight
@@ -144,25 +183,15 @@ def _gains(solved: Solved, poses: list[Pose], progress: Progress) -> list[tuple[
     stands = poses if rigid else [own @ pose for pose in poses for own in each]
     R, t = np.array([p.rotation for p in stands]), np.array([p.translation_mm for p in stands])
     J = linearise(problem, replace(solved.state, pose_rotation=R, pose_shift=t)).J
-    Q, G, per = solved.inverse.Q, problem.globals, 1 if rigid else len(names)
-    none = np.zeros((len(stands), 6, len(Q)))
-    before = Q[:G, :G]
-    unit, told = np.sqrt(np.diagonal(before)), global_names(solved)
-    scale = np.outer(unit, unit)
-    found = []
-    for k in range(len(poses)):
-        progress(k / len(poses), "trying poses")
-        rows = [np.arange(problem.first[e], problem.first[e + 1]) for e in range(k * per, (k + 1) * per)]
+    none, per = np.zeros((len(stands), 6, len(solved.inverse.Q))), 1 if rigid else len(names)
+
+    def equations(k: int) -> Array:
         parts = []
-        for own in rows:
+        for e in range(k * per, (k + 1) * per):
+            own = np.arange(problem.first[e], problem.first[e + 1])
             basis = np.linalg.qr(J[own, :, POSE : POSE + 6].reshape(-1, 6))[0]
             whole = reduced_equations(problem, J, none, own).reshape(2 * len(own), -1)
             parts.append(whole - basis @ (basis.T @ whole))
-        A = np.concatenate(parts)
-        AQ = A @ Q
-        after = before - AQ[:, :G].T @ np.linalg.solve(np.eye(len(A)) + AQ @ A.T, AQ[:, :G])
-        change = np.linalg.slogdet(after / scale)[1] - np.linalg.slogdet(before / scale)[1]
-        shares = 1 - np.sqrt(np.diagonal(after)) / unit
-        best = int(np.argmax(shares))
-        found.append((float(1 - np.exp(change / (2 * G))), told[best], float(shares[best])))
-    return found
+        return np.concatenate(parts)
+
+    return equations

@@ -135,7 +135,7 @@ def left_out_verdict(found: list[dict[str, Any]]) -> Verdict:
 
 
 def next_pose_figures(project: Project, run: int | None = None, progress: Progress = SILENT) -> list[dict[str, Any]]:
-    """Give the poses of the board that would bring most, see `core.calibrate.next_poses`."""
+    """Give the poses of the board to capture next, see `core.calibrate.next_poses`."""
     from core.calibrate import next_poses
 
     return [{**asdict(one), "words": one.words} for one in next_poses(_network(project, run), progress=progress)]

@@ -2175,16 +2175,16 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
 <context>
     <name>NextPose</name>
     <message>
-        <source>Tries 108 poses of the board by their covariance: which one more capture would bring most.</source>
-        <translation>Versucht 108 Stellungen der Tafel mit der Kovarianz: welche als weitere Aufnahme am meisten bringt.</translation>
+        <source>Tries 108 poses of the board by their covariance: which to capture next, one after the other.</source>
+        <translation>Versucht 108 Stellungen der Tafel mit der Kovarianz: welche als Nächste aufzunehmen sind, der Reihe nach.</translation>
     </message>
     <message>
-        <source>Next pose</source>
-        <translation>Nächste Stellung</translation>
+        <source>Next poses</source>
+        <translation>Nächste Stellungen</translation>
     </message>
     <message>
-        <source>Find the best pose</source>
-        <translation>Beste Stellung suchen</translation>
+        <source>Find the best poses</source>
+        <translation>Beste Stellungen suchen</translation>
     </message>
 </context>
 <context>
@@ -3839,8 +3839,8 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
         <translation>dessen σ [%]</translation>
     </message>
     <message>
-        <source>Tilt and roll as the camera sees the board, from facing it upright. σ: by how much those of all interior and relative orientations would change on average, and the one that would gain most.</source>
-        <translation>Neigung und Verkantung, wie die Kamera die Tafel sieht, aus frontaler, aufrechter Stellung. σ: um wie viel sich die aller inneren und relativen Orientierungen im Mittel ändern würden, und der Parameter, der am meisten gewinnt.</translation>
+        <source>In this order. Tilt and roll as the camera sees the board, from facing it upright. σ: by how much those of all interior and relative orientations would change on average, after the poses above, and the one that would gain most. Calibrate with them before you ask again.</source>
+        <translation>In dieser Reihenfolge. Neigung und Verkantung, wie die Kamera die Tafel sieht, aus frontaler, aufrechter Stellung. σ: um wie viel sich die aller inneren und relativen Orientierungen im Mittel nach den Stellungen darüber ändern würden, und der Parameter, der am meisten gewinnt. Erst mit ihnen kalibrieren, dann wieder fragen.</translation>
     </message>
 </context>
 <context>

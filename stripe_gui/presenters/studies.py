@@ -42,7 +42,7 @@ def left_out_table(found: Sequence[dict[str, Any]], rig: Rig) -> Table:
 
 
 def next_pose_table(found: Sequence[dict[str, Any]]) -> Table:
-    """List poses of the board, the best first."""
+    """List poses of the board in the order in which to capture them."""
     columns = (
         translate("Studies", "pose of the board"),
         translate("Studies", "all σ [%]"),
@@ -55,8 +55,9 @@ def next_pose_table(found: Sequence[dict[str, Any]]) -> Table:
     ]
     note = translate(
         "Studies",
-        "Tilt and roll as the camera sees the board, from facing it upright. σ: by how much those of all interior and "
-        "relative orientations would change on average, and the one that would gain most.",
+        "In this order. Tilt and roll as the camera sees the board, from facing it upright. σ: by how much those of "
+        "all interior and relative orientations would change on average, after the poses above, and the one that "
+        "would gain most. Calibrate with them before you ask again.",
     )
     return Table("", columns, tuple(rows), (note,))
 

@@ -102,18 +102,24 @@ class CrossValidation(Study):
 
 
 class NextPose(Study):
-    """What one more pose would bring, and which."""
+    """Which poses to capture next, and what they would bring."""
 
     def __init__(self, bench: Workbench) -> None:
-        about = self.tr("Tries 108 poses of the board by their covariance: which one more capture would bring most.")
-        super().__init__(bench, self.tr("Next pose"), about, self.tr("Find the best pose"), next_pose_figures)
+        about = self.tr("Tries 108 poses of the board by their covariance: which to capture next, one after the other.")
+        super().__init__(bench, self.tr("Next poses"), about, self.tr("Find the best poses"), next_pose_figures)
 
     def show_answer(self, found: list[dict[str, Any]]) -> None:
-        """Show the poses, the best first."""
+        """Show the poses in their order."""
         self.table.show_table(next_pose_table(found))
 
     @property
     def words(self) -> str:
-        """How to hold the board for the pose that was chosen, or for the best; empty while none was looked for."""
+        """How to hold the board for the pose that was chosen, or for the first; empty while none was looked for."""
         rows = self.table.model.table.rows
         return "" if self.table.isHidden() else told(str(rows[self.table.chosen_row() or 0][0]))
+
+    def go_on(self) -> None:
+        """Choose the pose after the one that was captured; after the last there is none until it is asked again."""
+        following = (self.table.chosen_row() or 0) + 1
+        self.table.choose_row(following)
+        self.table.setVisible(not self.table.isHidden() and following < self.table.model.rowCount())

@@ -80,14 +80,24 @@ def test_the_best_pose_for_a_calibrated_rig_is_told_beside_the_live_picture(
     go_to(wizard, "subject", qtbot)
     click(subject.pose.ask_button, qtbot)
     idle(window, qtbot)
-    best, second, _ = (row[0] for row in subject.pose.table.model.table.rows)
-    for row, words in ((None, best), (1, second)):  # the best, unless another is chosen
+    first, second, third = (row[0] for row in subject.pose.table.model.table.rows)
+    for row, words in ((None, first), (1, second)):  # the first, unless another is chosen
         if row is not None:
             subject.pose.table.choose_row(row)
         go_to(wizard, "picture", qtbot)
         assert words in wizard.picture.pose.text()
         assert wizard.picture.pose.isVisible()
         wizard.go_to("subject")
+    # the pose that was captured stayed the one that was told
+    subject.role.setCurrentIndex(subject.role.findData("plane"))
+    wizard.taking.stored.emit()
+    subject.role.setCurrentIndex(subject.role.findData("testfield"))
+    assert subject.pose_words == second
+    take(wizard, qtbot)
+    assert subject.pose_words == third
+    wizard.taking.stored.emit()
+    assert not subject.pose_words
+    assert subject.pose.ask_button.isEnabled()
     subject.role.setCurrentIndex(subject.role.findData("object"))
     assert subject.pose.isHidden()
     wizard.go_to("picture")

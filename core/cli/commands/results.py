@@ -32,16 +32,19 @@ def add(commands: Commands) -> None:
     sub = commands.add_on_project(
         "uncertainty", _uncertainty, "show how certain a calibration is over the working volume"
     )
-    _add_volume(sub)
+    _add_volume(sub, "sigma_mm, form_sigma_mm, camera_px, projector_lines")
     sub = commands.add_on_project("compare", _compare, "compare two calibrations of a rig over the working volume")
     sub.add_argument("other", metavar="OTHER", help="another project, or the number of a kept run")
-    _add_volume(sub)
+    sizes = (
+        "difference_mm, form_mm and their sigmas; as vectors shift_mm, form_shift_mm (form: after the best movement)"
+    )
+    _add_volume(sub, sizes)
 
     sub = commands.add_on_project(
         "cross-validate", _cross_validate, "leave each capture out and test whether the others predict it"
     )
     _add_run(sub)
-    sub = commands.add_on_project("next-pose", _next_pose, "find the best pose of the board for one more capture")
+    sub = commands.add_on_project("next-pose", _next_pose, "find the poses of the board to capture next")
     _add_run(sub)
 
     sub = commands.add_on_project("profile", _profile, "give deviations of a plane along a line, by every calibration")
@@ -80,10 +83,10 @@ def _add_run(parser: Any) -> None:
     )
 
 
-def _add_volume(parser: Any) -> None:
+def _add_volume(parser: Any, maps: str) -> None:
     _add_run(parser)
     add_devices(parser)
-    parser.add_argument("--out", type=Path, metavar="F.npz", help="maps of every node")
+    parser.add_argument("--out", type=Path, metavar="F.npz", help=f"maps: {maps}; uv, xyz_mm of the nodes")
 
 
 def _add_line(parser: Any) -> None:

@@ -127,7 +127,7 @@ class SubjectForm(QWidget):
 
 
 class SubjectStep(SubjectForm):
-    """The same, with the best pose for one more testfield, or an interrupted capture to go on with."""
+    """The same, with the best poses for more testfields, or an interrupted capture to go on with."""
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__()
@@ -164,7 +164,7 @@ class SubjectStep(SubjectForm):
         super().offer(project)
 
     def offer_pose(self) -> None:
-        """Offer to look for the best pose of a testfield where there is a calibration."""
+        """Offer to look for the best poses of a testfield where there is a calibration."""
         self.pose.refresh()
         self.pose.setVisible(self.pose.possible and self.subject.role == "testfield")
 
@@ -172,6 +172,11 @@ class SubjectStep(SubjectForm):
     def pose_words(self) -> str:
         """How to hold the board, if that was looked for."""
         return self.pose.words if self.subject.role == "testfield" else ""
+
+    def pose_taken(self) -> None:
+        """Go on to the next pose once that of a testfield was captured."""
+        if self.subject.role == "testfield":
+            self.pose.go_on()
 
     def _role_chosen(self) -> None:
         super()._role_chosen()

@@ -32,6 +32,7 @@ class TakingStep(QWidget):
 
     changed = Signal()
     another_wanted = Signal()
+    stored = Signal()  # a capture is stored that was none before
 
     def __init__(self, bench: Workbench, devices: DevicesStep) -> None:
         super().__init__()
@@ -166,7 +167,7 @@ class TakingStep(QWidget):
 
     def _done(self, report: CaptureReport) -> None:
         self._end()
-        self.report = report
+        first, self.report = self.report is None, report
         self.strip.set_all("taken")
         self.bar.setValue(1000)
         self.findings.show_findings(report.findings)
@@ -174,6 +175,8 @@ class TakingStep(QWidget):
         self.words.setText(text.format(n=report.frames, s=report.seconds, r=report.retakes))
         self.bench.refresh()
         self.bench.session.choose_capture(self.subject.name)
+        if first:
+            self.stored.emit()
         self._update()
 
     def _cancelled(self) -> None:

@@ -67,6 +67,7 @@ class CaptureWizard(Wizard):
         self.sequence.changed.connect(self._sequence_chosen)
         self.step_changed.connect(self._keep_sequence)
         self.taking.another_wanted.connect(self.another)
+        self.taking.stored.connect(self.subject.pose_taken)
 
     def refresh(self) -> None:
         folder = self.session.folder

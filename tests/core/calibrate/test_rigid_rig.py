@@ -450,7 +450,7 @@ def test_what_one_more_pose_brings_is_what_an_adjustment_with_it_has(measured):
     _, rig, field, sets, bar = measured
     options = AdjustOptions(variance_components=True)
     network = network_from_targets(rig, field, sets[:6], scale=bar)
-    best = next_poses(network)[0]
+    best, second = next_poses(network, 2)
     before = adjust(network, options=options)
     across = [np.cos(np.radians(best.about_deg)), np.sin(np.radians(best.about_deg)), 0.0]
     tilt = matrix_from_rotation_vector(np.radians(best.tilt_deg) * np.array(across))
@@ -479,3 +479,7 @@ def test_what_one_more_pose_brings_is_what_an_adjustment_with_it_has(measured):
     # with the variance factors as they are estimated with and without it
     assert 1 - sigmas[1][place] / sigmas[0][place] == pytest.approx(best.most, abs=0.05)
     assert 0.05 < best.gain < best.most
+    # the second brings what one more brings after the first; beside the first, alone, it would bring nearly as much
+    again = next_poses(after.network, 1)[0]
+    assert second.gain == pytest.approx(again.gain, rel=0.1)  # at other distances: the mean of those captured moved
+    assert second.gain < 0.8 * best.gain
