@@ -64,18 +64,19 @@ def _usual(steps: Map) -> float:
 
 def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
     """Share of the cells that are left by jumps to a word of one other bit more often than not."""
-    jumps, cells = [np.zeros(0, bool)], [np.zeros(0, np.int64)]
+    jumps = np.zeros(0, np.int64)
     for image, those in ways:
-        a, b = those[:, :-APART], those[:, APART:]
-        left = (a != b) & np.isfinite(a) & np.isfinite(b)
-        first, second = (np.maximum(each[left], 0).astype(np.int64) for each in (a, b))
         away = image[:, APART:] - image[:, :-APART]
-        far = np.abs(away[left]) > cell + 4 * _usual(away)
+        far = np.abs(away) > cell + 4 * _usual(away)  # which NaN is not
+        first, second = (np.maximum(each[far], 0).astype(np.int64) for each in (those[:, :-APART], those[:, APART:]))
         word = (first ^ first >> 1) ^ (second ^ second >> 1)
-        jumps.append(far & (word & (word - 1) == 0))
-        cells.append(first)
-    count = np.bincount(np.concatenate(cells))
-    odd = np.bincount(np.concatenate(cells), np.concatenate(jumps)) > 0.5 * count
+        jumps = np.append(jumps, first[word & (word - 1) == 0])
+    if len(jumps) <= ODD_CELLS * LEAST / 2:
+        return 0.0  # as of sound captures: too few for so many cells
+    pairs = [(those[:, :-APART], those[:, APART:]) for _, those in ways]
+    left = np.concatenate([a[(a != b) & np.isfinite(a) & np.isfinite(b)] for a, b in pairs])
+    count = np.bincount(np.maximum(left, 0).astype(np.int64))
+    odd = np.bincount(jumps, minlength=len(count)) > 0.5 * count
     judged = count >= LEAST
     number = int(np.count_nonzero(odd & judged))
     return number / int(judged.sum()) if number >= ODD_CELLS and judged.sum() >= FEWEST else 0.0
@@ -83,18 +84,25 @@ def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
 
 def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
     """Share of neighbours in a cell between which the coordinate falls where it rises over some cells, or reverse."""
-    count, against = 0, 0
+    seen = []
     for image, those in ways:
         step = np.diff(image)
         usual = _usual(step)
-        if usual <= 0:
-            continue
-        reach = int(np.clip(round(STEADY[1] * cell / usual), 3, image.shape[1] // 3))
-        step = step[:, : image.shape[1] - reach]
-        inside = those[:, :-reach] == those[:, 1 : 1 - reach]
-        rise = image[:, reach:] - image[:, :-reach]
+        if usual > 0:
+            reach = int(np.clip(round(STEADY[1] * cell / usual), 3, image.shape[1] // 3))
+            rise = image[:, reach:] - image[:, :-reach]
+            seen.append((step[:, : rise.shape[1]], rise, those[:, :-reach] == those[:, 1 : 1 - reach]))
+
+    def told(step: Map, rise: Map, inside: NDArray[np.bool_]) -> int:
         size = np.abs(rise)
         use = inside & (size > STEADY[0] * cell) & (size < STEADY[2] * cell) & (np.abs(step) > SURE_LINES)
-        count += int(np.count_nonzero(use))
-        against += int(np.count_nonzero(use & (step * rise < 0)))
+        return int(np.count_nonzero(use))
+
+    against = 0
+    for step, rise, inside in seen:
+        falls = step * rise < 0
+        against += told(step[falls], rise[falls], inside[falls])
+    if against <= BACKWARDS * PAIRS:
+        return 0.0  # as of sound captures, without a look at all pixels
+    count = sum(told(*each) for each in seen)
     return against / count if count >= PAIRS else 0.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import combinations, permutations
 
 import cv2
@@ -214,14 +215,15 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
 def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Finding]:
     """Find steps that differ by hardly more than noise, where others of their period differ as their shifts say."""
     # a grid may beat with the lines
-    at = tuple(scattered(n, THIN, factor) for n, factor in zip(images[0].shape, IRRATIONAL, strict=True))
+    row, column = (scattered(n, THIN, factor) for n, factor in zip(images[0].shape, IRRATIONAL, strict=True))
+    at = row * images[0].shape[1] + column
     steps: dict[tuple[Axis, float], list[int]] = {}
     for k, p in enumerate(plan.shots):
         if isinstance(p, Phase):
             steps.setdefault((p.axis, p.period), []).append(k)
     for own in (own for own in steps.values() if len(own) >= 3):
         shifts = np.array([p.shift_rad for k in own if isinstance(p := plan.shots[k], Phase)])
-        grey = np.array([images[k][at] for k in own], np.float64)
+        grey = np.array([images[k].ravel()[at] for k in own], np.float64)
         swing = np.ptp(grey, axis=0)
         grey = grey[:, swing > max(BRIGHT * quantile_of(swing, 0.97), 5 * noise)]
         wave = (grey - grey.mean(axis=0)).T @ np.exp(1j * shifts)
@@ -230,7 +232,7 @@ def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Findin
         pairs = [(i, k, 1 - np.cos(shifts[i] - shifts[k])) for i, k in combinations(range(len(own)), 2)]
         if not (pairs := [pair for pair in pairs if pair[2] > FAR]):
             continue
-        squares = [float(np.mean((grey[i] - grey[k]) ** 2)) for i, k, _ in pairs]
+        squares = [float(np.dot(away := grey[i] - grey[k], away)) / len(away) for i, k, _ in pairs]
         ratios = [square / meant for square, (*_, meant) in zip(squares, pairs, strict=True)]
         at_least = int(np.argmin(ratios))
         least, usual = ratios[at_least], median_of(ratios)
@@ -303,7 +305,10 @@ def _off_projective(x: NDArray, y: NDArray, u: NDArray, count: int) -> NDArray:
     one = np.ones_like(x)
     A = np.stack([one, x, y, -u * x, -u * y], axis=1)
     draws = scattered(len(u), 5 * count).reshape(count, 5)
-    p = (np.linalg.pinv(A[draws]) @ u[draws][..., None])[..., 0]
+    try:
+        p = np.linalg.solve(A[draws], u[draws][..., None])[..., 0]
+    except np.linalg.LinAlgError:  # five on one line
+        p = (np.linalg.pinv(A[draws]) @ u[draws][..., None])[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.abs(p[:, :3] @ A[:, :3].T / (1 + p[:, 3:] @ A[:, 1:3].T) - u)
     off = np.nan_to_num(off, nan=np.inf)
@@ -338,12 +343,18 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
     if abs(gain - 1) > DRIFT:
         text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
         return [Finding("lamp", "warning", text, {"drift": gain - 1})]
-    shift, response = cv2.phaseCorrelate(_texture(a), _texture(b), cv2.createHanningWindow(a.shape, cv2.CV_32F))
+    shift, response = cv2.phaseCorrelate(_texture(a), _texture(b), _window(side))
     moved = float(np.hypot(*np.multiply(shift, images[0].shape[::-1]))) / side
     if moved > MOVED_PX and response > MOVED_RESPONSE:
         text = f"the scene moved by {moved:.1f} px between the frames of columns and of rows: fasten all, record again"
         return [Finding("movement", "bad", text, {"shift_px": moved, "response": float(response)})]
     return []
+
+
+@cache
+def _window(side: int) -> Array:
+    """Let an image fade out to its edges."""
+    return np.asarray(cv2.createHanningWindow((side, side), cv2.CV_32F), np.float32)
 
 
 def _texture(image: Array) -> Array:
@@ -356,5 +367,5 @@ def _mean(images: Sequence[NDArray]) -> Array:
     thin = max(1, min(images[0].shape) // 500)
     summed = images[0][::thin, ::thin].astype(np.float32)
     for image in images[1:]:
-        summed += image[::thin, ::thin]
+        cv2.accumulate(np.ascontiguousarray(image[::thin, ::thin]), summed)
     return summed / np.float32(len(images))
