@@ -145,7 +145,6 @@ def calibrate_points(
         adjustment_concerns,
         left_out_of,
         length_concerns,
-        lens_concerns,
         nominal_concerns,
         rejected_of,
         sound_words,
@@ -173,7 +172,6 @@ def calibrate_points(
     concerns = [
         *_from_behind(adjustment),
         *adjustment_concerns(adjustment, rejected),
-        *lens_concerns(adjustment),
         *length_concerns(adjustment, field, bar, None, False),
         *nominal_concerns(found.devices),
     ]

@@ -9,8 +9,8 @@ Photogrammetric, by bundle adjustment:
   `elimination` solves without the poses or, where there are very many points, without these;
 * `datum` holds the inner constraints, `iterate` the way to the solution;
 * `shared` adds to the covariances what the targets of an image have in common;
-* `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `rigid` whether
-  the rig was rigid; `adjust` and `photogrammetric` put it all together;
+* `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `held` what is
+  held and should not be, `rigid` whether the rig was rigid; `adjust` and `photogrammetric` put it all together;
 * `left_out` says what the other captures foresee of one, `next_pose` what one more would bring;
 
 Depth, per pixel: the files that begin with `depth`.

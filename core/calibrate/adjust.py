@@ -14,6 +14,7 @@ from core.calibrate.covariance import global_cofactors, point_cofactors, redunda
 from core.calibrate.equations import Equations, cost_of, linearise, misclosures
 from core.calibrate.from_images import dimensions, located_by_images
 from core.calibrate.groups import without, wrong_group
+from core.calibrate.held import held_concerns
 from core.calibrate.initial import initial_state, misplaced, oriented_anew
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
@@ -229,6 +230,7 @@ def _solved(
             f"{rejected} of {rejected + len(solved.problem.point)} observations rejected as gross errors "
             f"(normalised residual above {options.reject_beyond:g})"
         )
+    warnings += held_concerns(solved.network, solved.problem, solved.state, solved.equations.cost)
     warnings += solved.weaknesses
     warnings += geometry_warnings(solved.problem, solved.state)
     warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))

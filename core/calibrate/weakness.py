@@ -42,7 +42,7 @@ REMEDIES = {
 }
 
 
-def _effects(problem: Problem, equations: Equations) -> tuple[Array, list[str], list[str]]:
+def effects(problem: Problem, equations: Equations) -> tuple[Array, list[str], list[str]]:
     """Largest displacement in the image, in its radii, by a unit of each global unknown; names and remedies."""
     shares = np.zeros(problem.globals)
     names, remedies = [""] * problem.globals, [""] * problem.globals
@@ -84,7 +84,7 @@ def usual_variance(problem: Problem, equations: Equations) -> float:
 
 
 def _poor_parameters(problem: Problem, equations: Equations, inverse: Inverse, variance: float) -> list[str]:
-    shares, names, remedies = _effects(problem, equations)
+    shares, names, remedies = effects(problem, equations)
     sigma = np.sqrt(variance * np.abs(np.diagonal(inverse.Q)[: problem.globals]))
     effect = sigma * shares
     lost = (effect > HOPELESS) | ~(inverse.strength > LEAST_STRENGTH)
@@ -147,7 +147,7 @@ def singular_error(network: Network, problem: Problem, state: State, error: Sing
         return _loose_stations(network, problem, [error.block])
     assert error.direction is not None
     G = problem.globals
-    shares, names, remedies = _effects(problem, linearise(problem, state))
+    shares, names, remedies = effects(problem, linearise(problem, state))
     effect = np.abs(error.direction[:G]) * shares
     extent = float(np.linalg.norm(np.ptp(state.xyz, axis=0)))
     width = 6 if problem.by_points else 3

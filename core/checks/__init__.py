@@ -4,7 +4,6 @@ Every check gives concerns (`core.model.Concern`): a state and one sentence with
 remedy. The state of a verdict is that of its worst concern.
 
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
-lens.py      parameters of a lens that were not estimated, though the residuals ask for them
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 boards.py    ... which of a board's targets its file misplaces
 plates.py    ... where the plates stood, seen by camera and projector
@@ -19,7 +18,6 @@ from core.checks.boards import exchanged_notes, misplaced_concerns
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
-from core.checks.lens import lens_concerns
 from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, sound_words
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
@@ -27,7 +25,7 @@ from core.checks.sequences import code_concerns, end_notes, light_end, response_
 
 __all__ = [
     "Plates", "adjustment_concerns", "bar_notes", "code_concerns", "end_notes", "exchanged_notes", "foreign_concerns",
-    "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of", "length_concerns", "lens_concerns",
+    "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of", "length_concerns",
     "light_end", "misplaced_concerns", "nominal_concerns", "pair_concerns", "plane_concerns", "plane_words",
     "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns",
     "see_plates", "size_concerns", "sound_words",

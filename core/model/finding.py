@@ -148,7 +148,7 @@ class Concern:
 
     state: Literal["doubtful", "failed"]
     text: str
-    about: str = ""  #: what alone it tells of: a plane's capture, "blunders", or of lengths "board" or "plates"
+    about: str = ""  #: what alone it tells of: a plane's capture, "blunders", "held", or of lengths "board" or "plates"
 
 
 def verdict_of(concerns: Iterable[Concern], sound: Iterable[str] = ()) -> Verdict:

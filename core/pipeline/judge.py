@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
     """Judge the adjustment of a network on its own."""
-    from core.checks import adjustment_concerns, given_concerns, lens_concerns, nominal_concerns, sound_words
+    from core.checks import adjustment_concerns, given_concerns, nominal_concerns, sound_words
 
-    of_lens = [*lens_concerns(adjustment), *nominal_concerns(adjustment.devices)]
-    concerns = [*given_concerns(adjustment), *adjustment_concerns(adjustment), *of_lens]
+    nominal = nominal_concerns(adjustment.devices)
+    concerns = [*given_concerns(adjustment), *adjustment_concerns(adjustment), *nominal]
     return replace(adjustment, verdict=verdict_of(concerns, sound_words(adjustment)))
 
 

@@ -21,7 +21,8 @@ ROOMS = """
 checks/* pipeline/differences pipeline/graph pipeline/causes pipeline/evidence pipeline/judge pipeline/states
 pipeline/holdings pipeline/inputs pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_words
 pipeline/methods/* pipeline/volumes
-calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/next_pose
+calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/held
+calibrate/next_pose
 calibrate/photogrammetric
 calibrate/rigid calibrate/selection calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/*
 measure/kinds/* orient/motion exchange/pinhole
@@ -40,8 +41,6 @@ NOT_TOLD = {
     # pieces of what is translated as a whole
     "{} has the same targets as {}, to half of their sigma: one capture measured ",
     "{}twice; take one out",
-    "{} held at {} nominal values: are these right? Try",
-    "{} without --hold before you look for other causes",
 }
 
 

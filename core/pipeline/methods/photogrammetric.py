@@ -14,7 +14,6 @@ from core.geometry import camera_for
 from core.model import (
     Adjustment,
     Capture,
-    Concern,
     DeviceSpec,
     PhotogrammetricCalibration,
     Project,
@@ -122,7 +121,6 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
     from core.checks import (
         adjustment_concerns,
         left_out_of,
-        lens_concerns,
         misplaced_concerns,
         nominal_concerns,
         rejected_of,
@@ -134,20 +132,12 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
     rejected, lonely = rejected_of(adjustment, targets)
     concerns = [
         *adjustment_concerns(adjustment, rejected),
-        *lens_concerns(adjustment),
         *misplaced_concerns(common_testfield(evidence.used[name]), adjustment, targets),
         *(c for c in evidence.lengths if c.about != "plates"),  # which the adjustment does not use
         *nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]
-    if evidence.options.hold and any(c.state == "failed" for c in concerns):
-        concerns.insert(0, _held(evidence.options.hold))
     alone = left_out_of([], lonely, why="seen from one place only")
     return Judgement(concerns, sound_words(adjustment), (*evidence.left_out(name, rejected), *alone))
-
-
-def _held(names: Sequence[str]) -> Concern:
-    text = f"{' and '.join(names)} held at {'its' if len(names) == 1 else 'their'} nominal values: are these right? Try"
-    return Concern("failed", f"{text} without --hold before you look for other causes")
 
 
 def _devices(project: Project, calibration: PhotogrammetricCalibration) -> Sequence[tuple[str, DeviceSpec, DeviceSpec]]:
