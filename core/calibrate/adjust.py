@@ -38,6 +38,7 @@ from core.calibrate.weakness import (
     BehindError,
     MirroredError,
     UndeterminedError,
+    behind_warning,
     check_estimable,
     contradicted_error,
     geometry_warnings,
@@ -233,6 +234,7 @@ def _solved(
     warnings += held_concerns(solved.network, solved.problem, solved.state, solved.equations.cost)
     warnings += solved.weaknesses
     warnings += geometry_warnings(solved.problem, solved.state)
+    warnings += behind_warning(solved.network, solved.state)
     warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))
     progress(1.0, "adjusted")
     return solved, warnings

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from core.calibrate.covariance import point_cofactors
 from core.calibrate.elimination import reduce
 from core.calibrate.equations import Equations, largest_displacements, linearise, misclosures
+from core.calibrate.from_images import dimensions
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem
@@ -245,6 +246,17 @@ def geometry_warnings(problem: Problem, state: State) -> list[str]:
             f"{name}: {text}" for text in (*found, _no_points(empty, estimated), _folded(problem, state, d)) if text
         ]
     return warnings
+
+
+def behind_warning(network: Network, state: State) -> list[str]:
+    """Say so where a flat field of others is seen from its back: so it looks where every device counts v upwards."""
+    seen = state.pose_rotation[:, 2, 2]
+    if network.point_ids or dimensions(network.point_xyz_mm) != 2 or 2 * np.count_nonzero(seen < 0) <= len(seen):
+        return []
+    return [
+        "the points are seen from behind, their z leads away from the devices: right where their y runs downwards; if "
+        "v was counted upwards, the results are mirrored"
+    ]
 
 
 def _few_images(count: int) -> str:

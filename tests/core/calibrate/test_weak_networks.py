@@ -194,6 +194,18 @@ def test_mirrored_images_of_points_in_space_are_named(simulate, change):
         adjust(change(network))
 
 
+def test_a_flat_field_seen_in_images_that_are_mirrored_by_all_devices_is_told(simulate):
+    """The images fit its back as well: nothing else tells that the second device stands on the wrong side."""
+    network = simulate().network
+    device = np.array(network.station_device)[network.observation_station]
+    last = np.array([network.devices[name].spec.height - 1 for name in device])
+    upwards = np.stack([network.observation_uv[:, 0], last - network.observation_uv[:, 1]], axis=1)
+    right, mirrored = adjust(network), adjust(replace(network, observation_uv=upwards))
+    assert mirrored.sigma0 == pytest.approx(right.sigma0, rel=1e-3)
+    behind = [[w for w in found.warnings if "seen from behind" in str(w)] for found in (right, mirrored)]
+    assert (len(behind[0]), len(behind[1])) == (0, 1)
+
+
 def test_a_station_without_observations_is_told_once(simulate):
     network = simulate(use=("camera",), poses=6).network
     idle = replace(
