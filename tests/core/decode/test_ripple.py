@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,32 @@ def test_lines_that_are_seen_leave_a_tenth_of_their_ripple(bench, period: int, s
     assert there > 0.04
     assert ripple(error, b.u) < 0.1 * there
     assert 0.9 < np.sqrt(np.nanmean((error / phase.sigma_u) ** 2)) < 1.1
+
+
+@pytest.mark.parametrize("blur", [0.02, 0.1, 0.2])
+def test_sigmas_hold_where_phases_stand_still_over_lines(bench, blur: float) -> None:
+    """So little blur leaves coordinates at the lines' middles: at 0.02 lines their errors are even over a line.
+
+    From 0.2 lines on a part of the ripple is taken out, but all of it doubted.
+    """
+    y, x = np.mgrid[:200, :400]
+    b = replace(bench(blur=blur, dark=0.2), u=30.3 + 0.21 * x + 0.017 * y)
+    patterns = gray_and_phase("x", N, cell=8, periods=[16])
+    phase = decode(patterns, b.take(patterns), lines=(N, N))
+    error = phase.u - b.u
+    assert np.isfinite(error).mean() > 0.99
+    assert 0.7 < np.sqrt(np.nanmean((error / phase.sigma_u) ** 2)) < 1.1
+
+
+def test_ripple_that_changes_across_the_image_is_doubted_where_it_is_not_even(bench) -> None:
+    """A lens that blurs the middle of the image least: what no plane follows is part of sigma."""
+    y, x = np.mgrid[:200, :640]
+    u = 30.3 + 0.51 * x + 0.017 * y
+    parts = [replace(bench(blur=blur, dark=0.2, seed=k), u=u) for k, blur in enumerate((0.4, 0.25, 0.25, 0.4))]
+    patterns = gray_and_phase("x", N, cell=4, periods=[8])
+    quarters = [np.array_split(np.array(b.take(patterns)), 4, axis=2)[k] for k, b in enumerate(parts)]
+    phase = decode(patterns, list(np.concatenate(quarters, axis=2)), lines=(N, N))
+    assert 0.9 < np.sqrt(np.nanmean(((phase.u - u) / phase.sigma_u) ** 2)) < 1.1
 
 
 def test_coordinates_without_ripple_stay_as_they_are() -> None:
