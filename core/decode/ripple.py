@@ -20,7 +20,7 @@ from core.decode.tables import Singles
 from core.model import Array
 from core.parallel import run_in_bands
 
-TILES, SIDE = 4, 64  # tiles of the image along each axis, and pixels along each of theirs
+TILES, SIDE = 4, 64  # tiles of the image along each axis, apart from each other, and pixels along each at most
 FEWEST_PIXELS, FEWEST_TILES = 400, 8
 SIGNIFICANT = 6.0  # standard errors by 8 to 16 tiles: once in 6,000 to 100,000 axes by chance
 HIDDEN = 0.3  # lines, noise beyond which no place within lines is seen
@@ -67,11 +67,10 @@ def _amplitude(u: Singles, sigma: Singles) -> tuple[Array, np.float32] | None:
     parts.
     """
     places, means, tiles = [], [], []
-    for top, left in ((t, f) for t in _begins(u.shape[0]) for f in _begins(u.shape[1])):
-        tile = slice(top, top + SIDE), slice(left, left + SIDE)
+    for tile in ((rows, columns) for rows in _tiles(u.shape[0]) for columns in _tiles(u.shape[1])):
         if _clear(u[tile], sigma[tile]).sum() >= FEWEST_PIXELS:
             means.append(_crowding(u[tile], sigma[tile]))
-            places.append((1.0, top + SIDE / 2, left + SIDE / 2))
+            places.append((1.0, *((along.start + along.stop) / 2 for along in tile)))
             tiles.append(tile)
     if len(means) < FEWEST_TILES:
         return None
@@ -112,6 +111,7 @@ def _smooth(u: Singles, sigma: Singles) -> Singles:
     return np.asarray(terms @ fitted, np.float32).reshape(u.shape)
 
 
-def _begins(size: int) -> NDArray[np.intp]:
-    """Where tiles begin, evenly over the image."""
-    return np.linspace(0, max(size - SIDE, 0), TILES).astype(np.intp)
+def _tiles(size: int) -> list[slice]:
+    """The tiles along an axis, evenly over the image."""
+    side = min(SIDE, size // TILES)
+    return [slice(first, first + side) for first in np.linspace(0, size - side, TILES).astype(int).tolist()]

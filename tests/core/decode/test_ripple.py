@@ -70,3 +70,13 @@ def test_coordinates_without_ripple_stay_as_they_are() -> None:
             before = u.copy()
             take_ripple_out(u, np.full(u.shape, noise, np.float32))
             np.testing.assert_array_equal(u, before)
+
+
+def test_a_small_scene_in_step_with_the_lines_is_no_ripple() -> None:
+    """All tiles were one, whose crowding then seemed to be sixteen times as certain."""
+    y, x = np.mgrid[:48, :64]
+    noise = 0.02 * np.random.default_rng(4).standard_normal(x.shape)
+    u = (150 + y - 0.04 * x + 5 * np.sin(x / 80) + noise).astype(np.float32)
+    before = u.copy()
+    take_ripple_out(u, np.full(u.shape, 0.02, np.float32))
+    np.testing.assert_array_equal(u, before)
