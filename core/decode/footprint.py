@@ -8,6 +8,8 @@ What is lit by the blur of its neighbours alone, beyond the rim of a surface, is
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +19,7 @@ from core.decode.tables import Limits, Rows, Shorts, Singles
 from core.numerics import median_of, row_median
 from core.parallel import run_in_bands
 
-USUAL, DIFFERENT = 0.5, 0.3  # px²: twice a footprint's variance, see `_change`, and by how much cameras differ
+USUAL, DIFFERENT = 0.5, 0.3  # px²: an edge's footprint, its variance and `SHARP`, and by how much cameras differ
 UNSURE = 0.3  # part of the correction that may be wrong
 NOTICED = 1.2  # times the noise of a grey value: less draws coordinates by less than half of their own noise
 REACH, MARGIN = 3, 5  # px from an edge to where it draws no more, and in which the surface must be even
@@ -31,8 +33,9 @@ SUMS = np.array(  # over a profile of pixels, `MARGIN` to either side: the middl
     ]
 )
 BLUNT = 0.4  # part of what edges draw that may be otherwise
-STRONG, STRONGEST = 0.1, 2.0  # lines per px² of a footprint that tell it
-LARGEST = 2.0  # lines, differences of coordinates: more is a jump
+STRONG, STRONGEST = 0.1, 2.0  # lines per px² of a footprint that tell it; more where coordinates are steep
+LARGEST = 2.0  # lines, differences of coordinates: more, or of so many px, is a jump
+SURE = 0.05  # px², a footprint's sigma by edges alone: where it is larger, texture tells more
 UNCERTAIN = 0.15  # part of what an edge draws by which its sharpness changes that
 OUTLIER = 4.0  # standard deviations
 CLEAR = 5.0  # standard deviations of a change of the light: more is an edge
@@ -40,9 +43,12 @@ FADED = 0.07  # part of an edge's change of the light, 3 px from it: where most 
 SAMPLE = 1500  # places that tell
 SOME = 4096  # places that are worth a thread
 BESIDE = F(1)  # px that light has its middle beside the pixel: it comes from its neighbours
-BEYOND = F(0.95)  # the same, squared, in twice a footprint's variance: of light that ends 0.8 sigma before the middle
+BEYOND = F(0.95)  # the same, squared, in footprints: of light that ends 0.8 sigma before the middle
 BETWEEN = F(2)  # lines that it may draw a coordinate where it jumps: more tells of neither side
-PULLS = 6  # numbers a pixel, see `find_changes`
+PULLS = 8  # numbers a pixel, see `find_changes`
+TEXTURE = F(20)  # sum of four squares of changes, in units of those noticed: noise makes 5.6
+ONE_WAY = F(0.75)  # part of the light's changes over five pixels that their sum must be to be an edge's
+SHARP, MOST = 0.15, 0.6  # px², and part of it at most, by which an edge's footprint exceeds texture's, see `_change`
 
 _NO_U, _NO_V = np.uint8(Flag.BESIDE | Flag.NO_U), np.uint8(Flag.BESIDE | Flag.NO_V)
 
@@ -94,9 +100,10 @@ def draw_back(
     grey = limits.variance(light.ravel()[there[0]])
     noise = np.sqrt(scale * grey) / (unit * modulation.ravel()[there[0]] + TINY)
     footprint, doubt = _footprint(place, sigma, *there, noise)
-    print_of, unsure = F(footprint), F(np.hypot(UNSURE * footprint, doubt))
+    print_of, inside = F(footprint), F(footprint - _sharper(footprint))
+    per_px = print_of, inside, F(np.hypot(UNSURE * footprint, doubt))
     run_in_bands(lambda a, b: find_beside(a, b, print_of, *there, place), len(there[0]), SOME)
-    run_in_bands(lambda a, b: take_out(a, b, print_of, unsure, *there, place, sigma, flags), len(there[0]), SOME)
+    run_in_bands(lambda a, b: take_out(a, b, *per_px, *there, place, sigma, flags), len(there[0]), SOME)
 
 
 @part
@@ -110,6 +117,20 @@ def _change(ahead, behind):  # type: ignore[no-untyped-def]
         return F(0)
     size = np.sqrt(abs(ahead)) + np.sqrt(abs(behind))
     return F(4) * ahead * abs(behind) / (size * size + TINY)
+
+
+@part
+def _texture(ahead, behind, farther, before, noise):  # type: ignore[no-untyped-def]
+    """Change of the light per px by five pixels, if it changes to and fro, or steadily, by more than noise; else 0.
+
+    Texture has no more than the footprint lets through, and this is what it draws by the footprint's variance alone.
+    """
+    squares = ahead * ahead + behind * behind + farther * farther + before * before
+    total = abs(ahead) + abs(behind) + abs(farther) + abs(before)
+    steady = F(8) * min(abs(ahead), abs(behind), abs(farther), abs(before)) > total
+    if (abs(ahead + behind + farther + before) > ONE_WAY * total and not steady) or squares < TEXTURE * noise:
+        return F(0)
+    return (F(7) * (ahead + behind) - farther - before) / F(12)
 
 
 @part
@@ -160,9 +181,9 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
 
     `unit` is light in units of the modulation, `share` the modulation's variance in units of the noticed change's,
     `least` (dark, shot, floor) of squares of changes that are noticed, `mask` scratch, uint8 (W,). Their numbers `at`,
-    int32 (n,), are written, and `pull`, float32 (n, 6), for a footprint of 1 px²: shifts of u and v in lines, what
-    sides of a jump make of them, and how far the middle of the light surely lies beside the pixel's along row and
-    column, px.
+    int32 (n,), are written, and `pull`, float32 (n, 8), for a footprint of 1 px²: shifts of u and v in lines by edges
+    and by texture, what sides of a jump make of them, and how far the middle of the light surely lies beside the
+    pixel's along row and column, px.
     """
     height, width = light.shape
     dark, shot, floor = least
@@ -172,6 +193,7 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
         here = light[row]
         above, below = light[max(row - 1, 0)], light[min(row + 1, height - 1)]
         lone = row == 0 or row == height - 1
+        amid = row > 1 and row < height - 2
         if inner > 0:
             # views from 0 on: an index that may be negative would not compile to vector instructions
             left, middle, right, up, down = here[:inner], here[1:], here[2:], above[1:], below[1:]
@@ -179,8 +201,10 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
                 g = middle[c]
                 noise = max(dark + shot * g, floor)
                 across, along = (right[c] - g) * (g - left[c]), (down[c] - g) * (g - up[c])
-                steep = (down[c] - up[c]) * (down[c] - up[c]) if lone else along
-                mask[c + 1] = (across > noise) | (steep > noise)
+                wide, high = right[c] - left[c], down[c] - up[c]
+                steep = high * high if lone else along
+                even_so = max(wide * wide, high * high) > F(8) * noise
+                mask[c + 1] = (across > noise) | (steep > noise) | even_so
         mask[0] = mask[width - 1] = 1
         for c in range(width):
             if mask[c] == 0 or (np.isnan(place[0, row, c]) and np.isnan(place[1, row, c])):
@@ -191,33 +215,38 @@ def find_changes(first, last, light, modulation, place, even, unit, share, least
             down, up = below[c] - g, g - above[c]
             x = _change(right, left) if 0 < c < width - 1 else right + left
             y = _change(down, up) if not lone else down + up
+            fine_x = fine_y = F(0)
+            if 1 < c < width - 2:
+                fine_x = _texture(right, left, here[c + 2] - here[c + 1], here[c - 1] - here[c - 2], noise)
+            if amid:
+                fine_y = _texture(down, up, light[row + 2, c] - below[c], above[c] - light[row - 2, c], noise)
             if lone or not 0 < c < width - 1:  # at the border one side tells, less surely
                 noise *= F(4)
-            x, y = _beyond(x, noise), _beyond(y, noise)
-            if x == F(0) and y == F(0):
+            x = _beyond(x, noise) if fine_x == F(0) else F(0)
+            y = _beyond(y, noise) if fine_y == F(0) else F(0)
+            fine_x, fine_y = _beyond(fine_x, noise), _beyond(fine_y, noise)
+            if x == F(0) and y == F(0) and fine_x == F(0) and fine_y == F(0):
                 continue
             own = modulation[row, c] + TINY
             per = ONE / (unit * own)
             sure = max(ONE - np.sqrt(spread * share) / own, HALF)
-            x, y = x * per, y * per
+            x, y, fine_x, fine_y = x * per, y * per, fine_x * per, fine_y * per
             at[count] = row * width + c
             for k in range(2):
-                if np.isnan(place[k, row, c]) or not even[k]:
-                    pull[count, k] = pull[count, 2 + k] = F(0)
-                    continue
-                shift, doubt = F(0), F(0)
-                if x != F(0):
-                    slope, apart = _slope(place[k], row, c, 0, 1)
-                    smooth = apart <= abs(slope)
-                    shift += x * slope if smooth else F(0)
-                    doubt += F(0) if smooth else abs(x) * (abs(slope) + apart)
-                if y != F(0):
-                    slope, apart = _slope(place[k], row, c, 1, 0)
-                    smooth = apart <= abs(slope)
-                    shift += y * slope if smooth else F(0)
-                    doubt += F(0) if smooth else abs(y) * (abs(slope) + apart)
-                pull[count, k], pull[count, 2 + k] = shift, doubt
-            pull[count, 4], pull[count, 5] = sure * x, sure * y
+                shift, fine, doubt = F(0), F(0), F(0)
+                if even[k] and not np.isnan(place[k, row, c]):
+                    for across in range(2):
+                        edge, all_over = (x, fine_x) if across == 1 else (y, fine_y)
+                        if edge == F(0) and all_over == F(0):
+                            continue
+                        slope, apart = _slope(place[k], row, c, 1 - across, across)
+                        if apart <= abs(slope):
+                            shift += edge * slope
+                            fine += all_over * slope
+                        else:
+                            doubt += (abs(edge) + abs(all_over)) * (abs(slope) + apart)
+                pull[count, k], pull[count, 2 + k], pull[count, 4 + k] = shift, fine, doubt
+            pull[count, 6], pull[count, 7] = sure * (x + fine_x), sure * (y + fine_y)
             count += 1
     return count
 
@@ -231,44 +260,58 @@ def find_beside(first, last, footprint, at, pull, place):  # type: ignore[no-unt
     height, width = place.shape[1:]
     for n in range(first, last):
         row, c = at[n] // width, at[n] % width
-        x, y = footprint * pull[n, 4], footprint * pull[n, 5]
+        x, y = footprint * pull[n, 6], footprint * pull[n, 7]
         off = x * x + y * y
-        beside = off > BESIDE * BESIDE or footprint * max(pull[n, 2], pull[n, 3]) > BETWEEN
+        beside = off > BESIDE * BESIDE or footprint * max(pull[n, 4], pull[n, 5]) > BETWEEN
         if not beside and off > BEYOND * footprint:
             far_row, far = row - INT(np.rint(y / np.sqrt(off))), c - INT(np.rint(x / np.sqrt(off)))
             if 0 <= far_row < height and 0 <= far < width:
                 beside = np.isnan(place[0, far_row, far]) and np.isnan(place[1, far_row, far])
-        pull[n, 4] = F(np.nan) if beside else x
+        pull[n, 6] = F(np.nan) if beside else x
 
 
 @fast
-def take_out(first, last, footprint, unsure, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
-    """Draw pixels `at` back by their `pull` for a footprint (px², its sigma `unsure`); drop those lit from beside."""
+def take_out(first, last, footprint, inside, unsure, at, pull, place, sigma, flags):  # type: ignore[no-untyped-def]
+    """Draw pixels `at` back by their `pull` for footprints of edges and of texture (`inside`), of sigma `unsure`, px².
+
+    Those lit from beside are dropped.
+    """
     width = flags.shape[1]
     for n in range(first, last):
         row, c = at[n] // width, at[n] % width
         for k in range(2):
             if np.isnan(place[k, row, c]):
                 continue
-            if np.isnan(pull[n, 4]):
+            if np.isnan(pull[n, 6]):
                 place[k, row, c] = sigma[k, row, c] = F(np.nan)
                 flags[row, c] |= _NO_U if k == 0 else _NO_V
                 continue
-            s, wrong, doubt = sigma[k, row, c], unsure * pull[n, k], footprint * pull[n, 2 + k]
-            place[k, row, c] -= footprint * pull[n, k]
+            s, wrong, doubt = sigma[k, row, c], unsure * (pull[n, k] + pull[n, 2 + k]), footprint * pull[n, 4 + k]
+            place[k, row, c] -= footprint * pull[n, k] + inside * pull[n, 2 + k]
             sigma[k, row, c] = np.sqrt(s * s + wrong * wrong + doubt * doubt)
 
 
-def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise: Singles) -> tuple[float, float]:
-    """Twice the variance of the footprint in px², and its sigma, by differences from two pixels about an edge.
+class _Profiles(NamedTuple):
+    """Sums over profiles of pixels about changes of the light, one for each row of `SUMS`: (5, n, 2)."""
 
-    Shading tells nothing (`noise` (n,) is that of a change of the light), nor do edges and bends of surfaces.
+    told: NDArray[np.float64]  # of the coordinates, lines
+    drawn: NDArray[np.float64]  # of their shifts for a footprint of 1 px²
+    textured: NDArray[np.float64]  # of these, by texture
+    most: NDArray[np.float64]  # of their sizes
+    own: NDArray[np.float64]  # the coordinates' sigmas, (n, 2)
+
+
+def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise: Singles) -> tuple[float, float]:
+    """The footprint of edges in px², and its sigma, by differences from two pixels about an edge.
+
+    Where edges that stand alone do not tell it, all changes of the light do. Shading tells nothing (`noise` (n,) is
+    that of a change of the light), nor do edges and bends of surfaces.
     """
     height, width = place.shape[1:]
-    n = np.flatnonzero(np.hypot(pull[:, 4], pull[:, 5]) > CLEAR * noise)
+    n = np.flatnonzero(np.hypot(pull[:, 6], pull[:, 7]) > CLEAR * noise)
     n = n[:: max(1, 3 * len(n) // SAMPLE)]
     row, column = at[n] // width, at[n] % width
-    down = np.abs(pull[n, 5]) > np.abs(pull[n, 4])
+    down = np.abs(pull[n, 7]) > np.abs(pull[n, 6])
     along, size = np.where(down, row, column), np.array([width, height])[down.astype(int)]
     inside = (along >= MARGIN + REACH) & (along < size - MARGIN - REACH)
     step, n = np.tile(np.where(down[inside], width, 1), 3), np.tile(n[inside], 3)
@@ -276,31 +319,48 @@ def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise:
     pixels = here + np.arange(-MARGIN, MARGIN + 1)[:, None] * step
     number = np.minimum(np.searchsorted(at, pixels), len(at) - 1)
     edge = at[number] == pixels
-    pulls = np.where(edge[..., None], pull[number, :2], 0)  # (pixels of a profile, profiles, axes)
+    fine = np.where(edge[..., None], pull[number, 2:4], 0)  # (pixels of a profile, profiles, axes)
+    pulls = np.where(edge[..., None], pull[number, :2], 0) + fine
     seen = place.reshape(2, -1).T[pixels].astype(float)
-    own = sigma.reshape(2, -1).T[here].astype(float)
     dim = np.where(edge, noise[number], noise[n])[[MARGIN - REACH, MARGIN, MARGIN + REACH]].max(axis=0)
-    slope = (seen[MARGIN + REACH] - seen[MARGIN - REACH]) / (2 * REACH)
+    slope = np.abs(seen[MARGIN + REACH] - seen[MARGIN - REACH]) / (2 * REACH)
     told = np.tensordot(SUMS, np.where(np.isnan(seen), 0, seen), 1)
     told[np.tensordot(SUMS != 0, np.isnan(seen), 1)] = np.nan
-    drawn, most = np.tensordot(SUMS, pulls, 1), np.tensordot(np.abs(SUMS), np.abs(pulls), 1)
-    y, x = told[0], drawn[0]
-    clear = (np.abs(x) > np.maximum(STRONG, CLEAR * dim[:, None] * np.abs(slope))) & (np.abs(x) < STRONGEST)
-    clear &= np.abs(y) < LARGEST
-    light = np.where(edge, np.hypot(*pull[number, 4:].T).T, 0)
+    drawn, textured, most = (
+        np.tensordot(sums, values, 1) for sums, values in ((SUMS, pulls), (SUMS, fine), (np.abs(SUMS), np.abs(pulls)))
+    )
+    own = sigma.reshape(2, -1).T[here].astype(float)
+    x, steep = np.abs(drawn[0]), np.maximum(slope, 1)
+    clear = (x > np.maximum(STRONG, CLEAR * dim[:, None] * slope)) & (x < STRONGEST * steep)
+    clear &= np.abs(told[0]) < LARGEST * steep
+    light = np.where(edge, np.hypot(*pull[number, 6:].T).T, 0)
     far = np.abs(np.arange(len(light))[:, None] - light.argmax(axis=0)) > 2
-    clear &= (row_median(np.where(far, light, np.nan).T) < FADED * light.max(axis=0))[:, None]
-    expected = np.sqrt(1.5) * own + UNCERTAIN * np.abs(x)
+    alone = (row_median(np.where(far, light, np.nan).T) < FADED * light.max(axis=0))[:, None]
+    profiles = _Profiles(told, drawn, textured, most, own)
+    by_edges = _fit(profiles, clear & alone & (np.abs(textured[0]) < MOST * x), True)
+    return by_edges if by_edges[1] < SURE else _fit(profiles, clear, False)
+
+
+def _fit(profiles: _Profiles, chosen: NDArray[np.bool_], even: bool) -> tuple[float, float]:
+    """Fit a footprint and its sigma to those `chosen` of profiles, and of an `even` surface if that is asked."""
+    told, drawn, textured, most, own = profiles
+    expected = np.sqrt(1.5) * own + UNCERTAIN * np.abs(drawn[0])
     value, doubt = USUAL, DIFFERENT
-    for _ in range(4):
-        bent = np.abs(told - value * drawn)[1:] > OUTLIER * own + value * BLUNT * most[1:]
-        good = clear & ~bent.any(axis=(0, 2))[:, None]
+    for _ in range(6):
+        left = told + _sharper(value) * textured
+        bends = np.abs(left - value * drawn)[1:] > OUTLIER * own + value * BLUNT * most[1:]
+        good = chosen & ~np.logical_or.reduce(bends, axis=(0, 2))[:, None] if even else chosen
         if not good.any():
-            break
-        a, b = x[good] / expected[good], y[good] / expected[good]
-        left = np.abs(b - value * a)
-        scatter = max(1.0, 1.5 * median_of(left))
-        keep, weight = left < OUTLIER * scatter, (scatter / DIFFERENT) ** 2
+            return USUAL, DIFFERENT
+        a, b = drawn[0][good] / expected[good], left[0][good] / expected[good]
+        off = np.abs(b - value * a)
+        scatter = max(1.0, 1.5 * median_of(off))
+        keep, weight = off < OUTLIER * scatter, (scatter / DIFFERENT) ** 2
         known = a[keep] @ a[keep] + weight
         value, doubt = (a[keep] @ b[keep] + USUAL * weight) / known, scatter / np.sqrt(known)
     return float(max(value, 0.0)), float(doubt)
+
+
+def _sharper(footprint: float) -> float:
+    """By how much the footprint of texture is smaller than an edge's, px²."""
+    return min(SHARP, MOST * footprint)
