@@ -20,6 +20,7 @@ from stripe_gui.workbench import Workbench
 
 LEAST = 200, 110  # px: a low window has little room below the runs
 LEAST_TABLE = 70  # px: two rows
+LOW = 210  # px in which the note below the table has no room: it is its tip then
 LEAST_PICTURE = 330  # px of the width, with the colours
 
 
@@ -93,5 +94,7 @@ class VolumeMaps(QWidget):
         self._share()
 
     def _share(self) -> None:
-        """Give the table its columns' width, but leave room for the picture."""
+        """Give the table its columns' width, but leave room for the picture; the note, where there is any."""
         self.table.fit_width(max(self.width() - LEAST_PICTURE, 160))
+        self.table.notes.setVisible(self.height() > LOW)
+        self.table.setToolTip(self.table.notes.text())

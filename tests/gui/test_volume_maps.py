@@ -67,6 +67,12 @@ def test_a_longer_base_puts_every_point_farther_by_its_share(page, window, qtbot
     table = volume.table
     assert table.view.geometry().bottom() < table.notes.geometry().top()
     assert volume.rect().contains(QRect(table.mapTo(volume, QPoint(0, 0)), table.size()))
+    page.state.setText("Out of date.\n" * 3)  # the note lay over the rows
+    page.state.show()
+    settle()
+    assert not table.notes.isVisible() or table.view.geometry().bottom() < table.notes.geometry().top()
+    assert table.rect().contains(table.view.geometry())
+    assert table.toolTip() == table.notes.text()
     # the other way round it is the same but for the volume it is told of
     before = volume.table.model.table.rows[2][1].value
     page.runs.first.setCurrentIndex(0)
