@@ -47,6 +47,7 @@ _RC = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
     "axes.titleweight": "normal",
+    "axes.titley": 1.0,  # above the axes, where nothing else stands: it need not be looked for
     "axes.labelsize": 8.5,
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
@@ -154,7 +155,7 @@ def _element(svg: str, key: str) -> str:
     text = svg[svg.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, count=1, flags=re.DOTALL)
     # names are unique in one drawing only, but must be in the whole page
-    text = re.sub(r'\bid="', f'id="{key}-', text)
+    text = text.replace(' id="', f' id="{key}-')
     text = text.replace('href="#', f'href="#{key}-').replace("url(#", f"url(#{key}-")
     for colour, variable in CSS_VARIABLES.items():
         text = text.replace(colour, f"var({variable})")

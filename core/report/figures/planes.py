@@ -11,6 +11,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
+from matplotlib.patches import StepPatch
 from numpy.typing import NDArray
 
 from core.model import Method, PlaneEvaluation
@@ -103,6 +104,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
             _map(axes[row, column], _find(evaluations, capture[0], of), colours, scale)
             if row == 0:
                 axes[row, column].set_title(f"{_heading(capture)}\n{axes[row, column].get_title()}")
+            axes[row, column].yaxis.set_visible(column == 0)
         axes[row, 0].set_ylabel(label)
     shown = [finite_deviations(e) for e in evaluations if e.capture in dict(captures)]
     beyond = float(np.mean(np.abs(np.concatenate(shown)) > limit_mm))
@@ -126,7 +128,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
 
 
 def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scale: Normalize) -> None:
-    axes.set_xticks([])
+    axes.xaxis.set_visible(False)  # neither drawn nor asked for its place
     axes.set_yticks([])
     for spine in axes.spines.values():
         spine.set_edgecolor(GRID)
@@ -176,7 +178,10 @@ def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np
         return
     values = finite_deviations(evaluation)
     counts, _ = np.histogram(values, edges)
-    axes.stairs(100 * counts / len(values), edges, fill=True, color=FILL, label="measured")
+    heights = 100 * counts / len(values)
+    axes.add_artist(StepPatch(heights, edges, fill=True, color=FILL, linewidth=0, label="measured"))
+    axes.update_datalim([(edges[0], 0.0), (edges[-1], heights.max())])  # which stairs look for edge by edge
+    axes.autoscale_view()
     lines = [f"r.m.s. {evaluation.rms_mm:.3f}"]
     if evaluation.predicted_rms_mm:
         s, step = evaluation.predicted_rms_mm, edges[1] - edges[0]

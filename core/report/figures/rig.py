@@ -87,7 +87,9 @@ def volume_drawing(layers: Sequence[Mapping[str, Any]], sigma_mm: Array) -> Draw
     scale = Normalize(0.0, 1e3 * float(np.nanpercentile(sigma_mm, 98)))
     colours = colormaps["Blues"].with_extremes(bad=NO_DATA)
     for axes, row in zip(panels, shown, strict=True):
-        axes.set(xticks=[], yticks=[], title=f"{row['depth_mm']:.0f} mm away")
+        axes.set_title(f"{row['depth_mm']:.0f} mm away")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_visible(False)
         axes.imshow(1e3 * sigma_mm[row["layer"]], cmap=colours, norm=scale, interpolation="nearest")
     mappable = ScalarMappable(scale, colours)
     colour_bar(figure, mappable, panels, "σ of form in µm", location="bottom", shrink=0.6, aspect=45, extend="max")

@@ -66,12 +66,13 @@ class _Kept(RendererSVG):
         super(RendererSVG, self).draw_path_collection(*args, **options)  # path by path
 
     def draw_image(self, gc: Any, x: float, y: float, im: Any, transform: Any = None) -> None:
+        if im.size and (im[..., 3] == 255).all():
+            im = im[..., :3]  # packed in three quarters of the time
         super().draw_image(gc, x, y, im, transform)
         if im.size:
             place = transform or Affine2D().scale(*(72 * n / self.image_dpi for n in im.shape[1::-1]))
             matrix = Affine2D(place.get_matrix()).translate(x, y).to_values()
-            pixels = im[::-1, :, : 3 if (im[..., 3] == 255).all() else 4]
-            self.marks.append(partial(_image, _look(gc, None), matrix, fromarray(np.ascontiguousarray(pixels))))
+            self.marks.append(partial(_image, _look(gc, None), matrix, fromarray(np.ascontiguousarray(im[::-1]))))
 
     def draw_text(
         self, gc: Any, x: float, y: float, s: str, prop: Any, angle: float, ismath: Any = False, mtext: Any = None
