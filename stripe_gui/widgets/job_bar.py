@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QProgressBar, QSizePolicy, QToolButton, QWidget
 
 from stripe_gui.assets import icon
 from stripe_gui.jobs import JobQueue
+from stripe_gui.presenters.told import told
 from stripe_gui.widgets.layout import label, make, row
 
 
@@ -35,7 +36,7 @@ class JobBar(QWidget):
         if job is None:
             return
         more = len(self._queue.waiting) - (self._queue.running is None)
-        text = f"{job.title}: {job.message}" if job.message else job.title
+        text = f"{job.title}: {told(job.message)}" if job.message else job.title
         if job.stopping:
             text = self.tr("{title}: stopping …").format(title=job.title)
         if more:

@@ -104,6 +104,17 @@ def test_every_sentence_has_a_translation(german: None) -> None:
     assert not left, "\n".join(left) + "translate these in resources/translations/core_de.json"
 
 
+def test_whatever_is_said_of_running_work_has_a_translation(german: None) -> None:
+    """It stood in English in the window's bar."""
+    files, left = Path(core.__file__).parent.rglob("*.py"), []
+    for file in (file for file in files if file.stem != "batch"):  # which is the command's alone
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "progress" and len(node.args) == 2:
+                filled = template(node.args[1]).replace("{}", "7")
+                left += [f"{file.name}: {filled}"] if filled != "7" and told(filled) == filled else []
+    assert not left, "\n".join(left) + "translate these in resources/translations/core_de.json"
+
+
 @pytest.mark.parametrize(
     ("english", "text"),
     [

@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QProgressBar, QWidget
 
 from stripe_gui.jobs import Job, JobState
 from stripe_gui.presenters.failures import describe
+from stripe_gui.presenters.told import told
 from stripe_gui.widgets.layout import button, card, column, label, make, row
 from stripe_gui.widgets.plot import Curve, Plot
 
@@ -128,11 +129,11 @@ class RunPart(QWidget):
         if job is None:
             return self.tr("Not started yet. The window stays usable while it runs.")
         if job.active:
-            return self.tr("Stopping…") if job.stopping else job.message or self.tr("Waiting…")
+            return self.tr("Stopping…") if job.stopping else told(job.message) or self.tr("Waiting…")
         if job.state is JobState.CANCELLED:
             return self.tr("Cancelled; the project is as it was.")
         if job.failure is not None:
-            told = describe(job.failure.error)
-            remedy = told.remedy[:1].upper() + told.remedy[1:]
-            return self.tr("Failed: {what}. {remedy}.").format(what=told.happened, remedy=remedy)
+            failure = describe(job.failure.error)
+            remedy = failure.remedy[:1].upper() + failure.remedy[1:]
+            return self.tr("Failed: {what}. {remedy}.").format(what=failure.happened, remedy=remedy)
         return self.tr("Done; the run is kept.")
