@@ -161,7 +161,7 @@ def decode(
     return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase
 
 
-def _in_grey_values(phase: PhaseMap, steps: int) -> PhaseMap:
+def _in_grey_values(phase: PhaseMap, steps: float) -> PhaseMap:
     """Give modulation and image in grey values, of images in so many steps of one."""
     step = np.float32(1 / steps)
     return replace(phase, modulation=phase.modulation * step, image=phase.image * step)
@@ -288,7 +288,7 @@ def _phase_map(
     patterns: Sequence[Pattern],
     images: Sequence[Image],
     seen: Seen,
-    steps: int,
+    steps: float,
 ) -> PhaseMap:
     """Put a phase map together, with what is to be said of the capture."""
     u, v, sigma_u, sigma_v, modulation, image = found.over_image(

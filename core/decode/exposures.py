@@ -26,6 +26,7 @@ from core.patterns import Axis, Pattern, axis_of, use_of
 
 DEEPEST = 65535
 FINEST = 16  # steps that one grey value is divided into
+ROUNDED = 1 / 12  # variance that whole steps add
 SAME = 1e-6  # part by which equal exposures may differ
 FEWEST, RANGE = 200, 8.0  # pixels that tell how exposures compare; standard deviation of their grey values
 OTHER = 0.08  # part by which the light of an exposure differs that is told
@@ -37,14 +38,15 @@ OUTLIER, ROUNDS = 4.0, 3  # standard deviations
 class Fused(NamedTuple):
     """One image of all exposures of every pattern.
 
-    `images` are uint16, of `steps` to a grey value of the longest exposure, where all samples are saturated 65535. An
-    exposure's grey values are ``ground + gain light`` up to `full`, its gain 1 for the longest; `gains` are those that
-    most patterns have. `raw` is their noise, None where no pattern was taken twice.
+    `images` are uint16, of `steps` to a grey value of the longest exposure, less than one where the others see beyond
+    16 bits of them; where all samples are saturated 65535. An exposure's grey values are ``ground + gain light`` up to
+    `full`, its gain 1 for the longest; `gains` are those that most patterns have. `raw` is their noise, None where no
+    pattern was taken twice.
     """
 
     patterns: list[Pattern]
     images: list[Image]
-    steps: int
+    steps: float
     ground: float
     gains: tuple[float, ...]
     full: float
@@ -59,7 +61,7 @@ class Fused(NamedTuple):
         low, high = (self.steps * (self.ground + part * (self.full - self.ground)) for part in (0.0, 0.5))
         dark, bright = (self.variance(np.array([level]))[0] for level in (low, high))
         slope = (bright - dark) / (high - low)
-        floor = self.steps**2 * self.raw.floor / sum(gain**2 for gain in self.gains)
+        floor = ROUNDED + self.steps**2 * self.raw.floor / sum(gain**2 for gain in self.gains)
         return Noise(float(dark - slope * low), float(slope), floor, upto=self.steps * self.full)
 
     def variance(self, level: NDArray[np.floating]) -> Array:
@@ -72,7 +74,7 @@ class Fused(NamedTuple):
             weight = np.where(seen < self.full, gain**2, 0)
             weights += weight
             total += np.square(weight / gain) * self.raw.variance(seen)
-        return np.asarray(self.steps**2 * total / np.square(weights))
+        return np.asarray(ROUNDED + self.steps**2 * total / np.square(weights))
 
     def widen(self, sigma: Singles, axis: Axis) -> None:
         """Hold in sigmas (H, W) by `noise` what the phase steps show where longer exposures are saturated."""
@@ -117,7 +119,8 @@ def fuse_exposures(
     light, ground, residual, level = _compare(list(groups.values()), own, classes, sample, full)
     raw = estimate_noise(residual, level, quantum(sample) if images[0].itemsize > 1 else 1.0) if len(level) else None
     gains = light / light.max()
-    steps = max(1, min(FINEST, int(DEEPEST / (full / gains.min()))))
+    deepest = float(DEEPEST / (full / gains.min()))
+    steps = min(FINEST, int(deepest)) or deepest
     fused: list[Image] = []
     for numbers in groups.values():
         total = np.zeros(images[0].shape, np.float32)

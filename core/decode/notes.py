@@ -63,7 +63,7 @@ def notes_on(
     limits: Limits,
     tables: tuple[AxisTable, AxisTable],
     detour: bool = False,
-    steps: int = 1,
+    steps: float = 1,
 ) -> tuple[Note, ...]:
     """Say in sentences why far fewer pixels of a capture decode than are lit; nothing where all is well.
 

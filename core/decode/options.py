@@ -54,10 +54,10 @@ class DecodeOptions:
     saturation: float | None = None
     estimate: bool = False  #: refine the coordinates by all frames (`estimate`, `codes`): less noise, more time
     camera: bool = True  #: look for the camera's own curve, a gamma or tone curve, and take it out
-    steps: int = 1  #: of the images to a grey value, which modulation and notes are told in
+    steps: float = 1  #: of the images to a grey value, which modulation and notes are told in
 
-    def in_steps(self, steps: int, saturation: float) -> Self:
-        """Give the same thresholds for images in finer steps, saturated from so many."""
+    def in_steps(self, steps: float, saturation: float) -> Self:
+        """Give the same thresholds for images in other steps, saturated from so many."""
         return replace(
             self, steps=self.steps * steps, saturation=saturation, min_modulation=self.min_modulation * steps
         )

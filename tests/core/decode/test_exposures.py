@@ -43,7 +43,9 @@ def test_all_albedos_decode_where_each_exposure_alone_loses_some(bench, judge) -
 
 
 @pytest.mark.parametrize("patterns", [PATTERNS, PAPER], ids=["sine", "square"])
-@pytest.mark.parametrize(("bits", "times"), [(8, (20.0, 2.5)), (12, (20.0, 2.5)), (8, (20.0, 10.0, 5.0, 2.5))])
+@pytest.mark.parametrize(
+    ("bits", "times"), [(8, (20.0, 2.5)), (12, (20.0, 2.5)), (16, (20.0, 2.5)), (8, (20.0, 10.0, 5.0, 2.5))]
+)
 def test_sigma_holds_from_bright_to_dim(bench, judge, patterns, bits: int, times: tuple[float, ...]) -> None:
     """One straight line for the noise of all made it 0.6 to 0.8 where the longest is saturated, with 12 bits 0.2."""
     lit, b = 2 ** (bits - 8), bench(height=60, blur=0.6, dark=2.6 * 4.0 ** (bits - 8), bits=bits)
