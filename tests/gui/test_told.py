@@ -139,6 +139,14 @@ def test_whatever_is_said_of_running_work_has_a_translation(german: None) -> Non
             "plane+0, photogrammetrisch: 866 Punkte liegen auf anderen Flächen als der Ebene der 9000 anderen: "
             "weggelassen; prüfen, dass sie nicht zur Planplatte gehören",
         ),
+        (
+            "the rig was not rigid: F = 16.23, critical value 1.46; one orientation for all poses moves the image "
+            "points by 0.36 sigma r.m.s.; over 20 poses the relative orientation scatters by 0.213 mm and 0.367 mrad "
+            "r.m.s.; adjust with free stations, and mount the devices firmly",
+            "der Aufbau war nicht starr: F = 16.23, Grenzwert 1.46; eine einzige Orientierung für alle Lagen bewegt "
+            "die Bildpunkte um 0.36 σ r.m.s.; über 20 Lagen streut die relative Orientierung um 0.213 mm und 0.367 "
+            "mrad r.m.s.; mit freien Standpunkten ausgleichen und die Geräte fest montieren",
+        ),
         ("the words of a plug-in of somebody", "the words of a plug-in of somebody"),
         ("testfield-03: not measured yet; is gone", "testfield-03: noch nicht gemessen; fehlt jetzt"),
     ],
