@@ -251,6 +251,7 @@ def test_runs_are_named_deleted_after_asking_and_compared(
     qtbot.keyClick(runs.name, Qt.Key.Key_Return)
     assert list_runs(project)[0].name == "first"
     assert "run 1: first" in runs.first.currentText()
+    assert runs.chosen.number == 1  # not the newest, which the next button would have meant
     runs.table.choose_row(0)
     assert not runs.delete_button.isEnabled()  # it is in use
     runs.table.choose_row(1)

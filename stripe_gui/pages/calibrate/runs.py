@@ -65,6 +65,7 @@ class RunsPart(QWidget):
         runs = tuple(reversed(list_runs(folder.project))) if folder is not None else ()
         current = current_runs(folder.project) if folder is not None else {}
         fresh = {r.number for r in runs} != {r.number for r in self._runs}
+        at = self.table.chosen_row()
         self._runs, self._used = runs, set(current.values())
         self.table.show_table(runs_table(runs[::-1], current) if runs else EMPTY)
         places = sorted(range(len(runs)), key=lambda i: "photogrammetric" not in runs[i].methods)
@@ -72,7 +73,7 @@ class RunsPart(QWidget):
             wanted = None if fresh else box.currentData()
             refill(box, [(run_title(run), run.number) for run in runs], wanted, otherwise=place[0] if place else 0)
         if runs:
-            self.table.choose_row(0)
+            self.table.choose_row(0 if fresh or at is None else at)
         self._compare()
         self._offer()
 
