@@ -18,6 +18,7 @@ harmonics.py  how harmonics bend the phase, and the way back; those of square wa
 notes.py      what is wrong with a capture that decodes less than its light promises
 sample.py     noise, full scale and contrast of the bits, from a sample of the pixels
 balance.py    the thresholds of bits that lie off the middle between white and black
+overexposed.py  the evenly lit image where frames are at full scale
 kernel.py     the one compiled pass over the pixels; its steps:
   fringes.py    phases of every period, and the way to the finest
   joint.py      all periods of an axis together, where waves are bent

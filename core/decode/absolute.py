@@ -32,6 +32,7 @@ from core.decode.neighbours import ask_neighbours
 from core.decode.noise import Noise
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
+from core.decode.overexposed import relight
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import spread
 from core.decode.sections import decode_sections, section_scratch
@@ -140,6 +141,8 @@ def decode(
         return replace(_in_grey_values(phase, steps), notes=(*phase.notes, TONE))
     found = _Found.of_nothing(arrays[0].shape)
     at_rim = _decode_pixels(found, sequence, arrays, seen, progress)
+    even_image = found.image.reshape(found.shape)
+    relight(even_image, arrays, sequence.frames, sequence.image_rows, float(seen.limits.saturation))
     telling = seen.limits
     if noise is not None:
         telling = telling._replace(saturation=np.minimum(telling.saturation, np.float32(noise.upto)))
