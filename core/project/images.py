@@ -38,7 +38,7 @@ _AGAIN = "record or copy this frame again"
 
 _JPEG, _EXIF = b"\xff\xd8", b"eXIf"
 _TIFF = {b"II*\0": "<", b"MM\0*": ">"}
-_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _TURNED = 256, 257, 258, 259, 274  # tags of TIFF
+_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _LIGHT, _TURNED = 256, 257, 258, 259, 262, 274  # tags of TIFF
 _FURTHER = 0  # no tag: the size in px of a second picture in the file
 _UNREADABLE = {34925: "LZMA", 50000: "Zstandard", 50001: "WebP", 50002: "JPEG XL", 34712: "JPEG 2000"}
 _PIXELS_AT = 256  # in a plain TIFF
@@ -269,7 +269,14 @@ def _tags(data: bytes | bytearray, order: str, at: int) -> dict[int, int]:
     (count,) = struct.unpack_from(f"{order}H", data, at)
     for i in range(count):
         tag, kind, values = struct.unpack_from(f"{order}HHI", data, at + 2 + 12 * i)
-        if tag in (_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _TURNED):  # as 16 or 32 bit; the bits of colours are elsewhere
+        if tag in (
+            _WIDTH,
+            _HEIGHT,
+            _BITS,
+            _COMPRESSION,
+            _LIGHT,
+            _TURNED,
+        ):  # as 16 or 32 bit; the bits of colours are elsewhere
             form = "H" if kind == 3 and values < 3 else "I"
             (said[tag],) = struct.unpack_from(order + form, data, at + 10 + 12 * i)
     return said
@@ -288,6 +295,10 @@ def _check_claimed(path: Path, data: bytes | bytearray, shape: tuple[int, int] |
         raise wrong_size(path, claimed, shape, "the camera in project.json has")
     if claimed[0] * claimed[1] > _MOST_PIXELS:
         raise InputError(path, f"its header claims {claimed[1]}x{claimed[0]} px", _AGAIN)
+    if said.get(_LIGHT, 1) == 0 and said[_BITS] > 8:  # OpenCV turns those of 8 bit alone
+        raise InputError(
+            path, f"is a TIFF of {said[_BITS]} bit in which 0 is white", "store frames in which 0 is black"
+        )
     if said.get(_BITS, 8) < 8:
         raise InputError(path, f"has {said[_BITS]} bit a pixel", "store frames with 8 or 16 bit")
     return said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import cv2
@@ -82,6 +83,19 @@ def test_a_tiff_of_several_frames_is_refused_and_a_preview_is_none(tmp_path: Pat
         read_image(tmp_path / "two.tif")
     pages[0].save(tmp_path / "one.tif", save_all=True, append_images=pages[2:])
     np.testing.assert_array_equal(read_image(tmp_path / "one.tif"), GREY)
+
+
+def test_a_tiff_in_which_0_is_white_is_read_as_light_or_refused(tmp_path: Path) -> None:
+    for kind in (np.uint8, np.uint16):
+        Image.fromarray(GREY.astype(kind)).save(tmp_path / "a.tif")
+        data = (tmp_path / "a.tif").read_bytes()
+        black, white = (struct.pack("<HHIHH", 262, 3, 1, which, 0) for which in (1, 0))
+        assert black in data
+        (tmp_path / "a.tif").write_bytes(data.replace(black, white))
+        if kind is np.uint8:
+            np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), 255 - GREY)
+    with pytest.raises(InputError, match="16 bit in which 0 is white"):
+        read_image(tmp_path / "a.tif")
 
 
 def test_what_a_png_says_beside_its_pixels_does_not_count(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
