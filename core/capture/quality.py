@@ -11,7 +11,7 @@ from core.capture.plan import Plan
 from core.lazy import dataclass
 from core.model import Array
 from core.model.finding import Finding, Level
-from core.numerics import distinct, quantile_of, quantiles_in, row_median, sigma_about_median
+from core.numerics import cut_off, distinct, quantile_of, quantiles_in, row_median, sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of
 
 SAMPLES = 100_000
@@ -66,9 +66,10 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     """Find white, black and noise of the sampled pixels in a way that a few wrong shots cannot spoil.
 
     White is the median of all white shots and of the 90 % level, black the darker of the black shot and the 10 %
-    level of all shots.
+    level of all shots. What the camera cannot exceed is saturated, below `full` too.
     """
     shots = plan.shots
+    full = int(grey.max()) if cut_off(grey) else full
     ordered = np.sort(grey[list(plan.own)], axis=0)
     high, low = quantiles_in(ordered, 0.9, 0.1)
     whites = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 1]

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from core.decode.frames import Image
 from core.decode.noise import TINY, Noise, estimate_noise
 from core.decode.options import DecodeOptions
-from core.decode.sample import full_scale, quantum, take_sample
+from core.decode.sample import full_scale, take_sample
 from core.decode.tables import Array, Singles
 from core.errors import InputError
-from core.numerics import sigma_by_median
+from core.numerics import quantum, sigma_by_median
 from core.patterns import Axis, Pattern, axis_of, use_of
 
 DEEPEST = 65535

@@ -23,7 +23,7 @@ from core.decode.islands import drop_islands
 from core.decode.noise import TINY, Noise
 from core.decode.notes import MUCH, ODD_WORDS, SECOND_OF_WORDS, TELLING, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
-from core.decode.sample import limits_of, spread, take_sample
+from core.decode.sample import full_scale, limits_of, spread, take_sample
 from core.decode.shown import Shown, measure_words
 from core.decode.tables import WORDS, Singles, make_rows, no_axis
 from core.model import PhaseMap
@@ -78,17 +78,19 @@ def decode_words(
     for number, axis in enumerate(worded):
         part = progress.part(number / len(worded), (number + 1) / len(worded))
         book = book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
-        place, sigma, modulation, image, bad, noise, word, second = _decode_axis(book, images, options, part)
+        seen = [images[i] for i in book.frames]
+        sample = take_sample(seen)
+        full = full_scale(seen, tuple(range(len(seen))), sample, options)
+        place, sigma, modulation, image, bad, noise, word, second = _decode_axis(book, images, full, options, part)
         u, lack = axis == "x", Flag.NO_U if axis == "x" else Flag.NO_V
         alone = first and number == 0
-        seen = [images[i] for i in book.frames]
         lost = bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0))
         drop_islands(place, sigma, lost, lack, ALIKE, Flag.UNSURE)
         drawn[:, 0 if u else 1] = place, sigma
-        limits = limits_of(noise, options.saturation or float(np.iinfo(images[0].dtype).max), options)
+        limits = limits_of(noise, full, options)
         words = none._replace(start=WORDS)
         of_sample = lost[spread(place.shape)].ravel()
-        notes = notes_on(seen, take_sample(seen), of_sample, limits, (words, none) if u else (none, words))
+        notes = notes_on(seen, sample, of_sample, limits, (words, none) if u else (none, words))
         result = replace(
             result,
             notes=tuple(dict.fromkeys((*result.notes, *(notes or second)))),
@@ -200,9 +202,10 @@ class _Places:
         good.reshape(-1)[again[fits]] = True
 
 
-def _decode_axis(book: Book, images: Sequence[Image], options: DecodeOptions, progress: Progress) -> _Decoded:
-    """Decode the words of an axis."""
-    full = options.saturation or float(np.iinfo(images[0].dtype).max)
+def _decode_axis(
+    book: Book, images: Sequence[Image], full: float, options: DecodeOptions, progress: Progress
+) -> _Decoded:
+    """Decode the words of an axis; `full` is the grey value from which a pixel is saturated."""
     progress(0.0, "reading blur and noise")
     pixels = _Places(measure_words(book, images, full), images, options)
     pixels.look_up_all(progress)

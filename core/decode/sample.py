@@ -23,7 +23,7 @@ from core.decode.response import Wave
 from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
 from core.decode.words import BLURRED
 from core.errors import InputError
-from core.numerics import quantile_of
+from core.numerics import cut_off, quantile_of, quantum
 from core.parallel import run_in_bands
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
@@ -80,7 +80,11 @@ def full_scale(images: Sequence[Image], numbers: Numbers, sample: Singles, optio
     if options.saturation is not None:
         return options.saturation
     top = int(np.iinfo(images[0].dtype).max)
-    if top == 255 or not numbers:
+    if not numbers:
+        return float(top)
+    if cut_off(seen := sample[list(numbers)]):
+        return float(seen.max())
+    if top == 255:
         return float(top)
     step = int(quantum(sample))
     tops: list[int] = []
@@ -89,12 +93,6 @@ def full_scale(images: Sequence[Image], numbers: Numbers, sample: Singles, optio
     levels = highest // step + 1
     sensor = levels >= 256 and levels & (levels - 1) == 0
     return float(highest) if sensor else float(top - top % step)
-
-
-def quantum(sample: Singles) -> float:
-    """The step of the grey values: the power of two that divides all (12-bit data are often shifted to 16 bits)."""
-    bits = int(np.bitwise_or.reduce(sample.astype(np.int64), axis=None))
-    return float(bits & -bits) if bits else 1.0
 
 
 def measure_noise(

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from core.decode.book import BLURS, PER_LINE, Book, adjust
 from core.decode.frames import Image
 from core.decode.noise import Noise, estimate_noise
-from core.decode.sample import quantum
 from core.decode.tables import Array, Singles
-from core.numerics import quantile_of
+from core.numerics import quantile_of, quantum
 
 COARSE = 3  # so manieth is tried first, then each around the best
 SAMPLE = 6000  # pixels that tell blur and noise

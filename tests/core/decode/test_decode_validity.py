@@ -142,21 +142,25 @@ def test_steps_are_invalid_where_too_many_saturate(bench, bits, shift) -> None:
     assert np.isnan(phase.u[20:][peaks]).all()
 
 
-@pytest.mark.parametrize("name", ["square", "sine", "power law"])
-def test_a_saturated_step_does_not_cost_the_pixel(bench, judge, name) -> None:
-    """In half of the image; it is as good as the other three steps, or seven, make it, and sigma says so."""
+@pytest.mark.parametrize(("name", "full"), [("square", 255), ("sine", 255), ("power law", 255), ("sine", 235)])
+def test_a_saturated_step_does_not_cost_the_pixel(bench, judge, name, full) -> None:
+    """In half of the image; it is as good as the other three steps, or seven, make it, and sigma says so.
+
+    A camera that ended at 235 seemed to have a tone curve; sigma was three times too large.
+    """
     steps, gain = (8, 310.0) if name == "power law" else (4, 280.0)
     gray = gray_and_phase("x", N, cell=8, periods=[16], steps=steps)
     patterns = reference_sequence(axes=["x"]) if name == "square" else [*gray, *REFERENCE]
-    b = bench(gain=np.where(np.arange(40) < 20, 150.0, gain)[:, None], shot=0.02)
+    b = bench(gain=np.where(np.arange(40) < 20, 150.0, gain * full / 255)[:, None], shot=0.02)
     if name == "power law":
         shown = [_bent(p) if isinstance(p, Phase) else p for p in patterns]
         images = b.take(shown)
     else:
         images = b.take(patterns)
+    images = [np.minimum(image, full) for image in images]
     phase = decode(patterns, images, lines=(N, N))
     steps_seen = [image for image, p in zip(images, patterns, strict=True) if isinstance(p, Phase)]
-    lost = np.max(steps_seen, axis=0) == 255
+    lost = np.max(steps_seen, axis=0) == full
     assert 0.1 < lost.mean() < 0.9
     z = ((phase.u - b.u) / phase.sigma_u)[lost]
     assert np.isfinite(z).mean() > 0.99
