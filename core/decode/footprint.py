@@ -8,6 +8,7 @@ What is lit by the blur of its neighbours alone, beyond the rim of a surface, is
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,7 @@ STRONG, STRONGEST = 0.1, 2.0  # lines per px² of a footprint that tell it; more
 LARGEST = 2.0  # lines, differences of coordinates: more, or of so many px, is a jump
 SURE = 0.05  # px², a footprint's sigma by edges alone: where it is larger, texture tells more
 UNCERTAIN = 0.15  # part of what an edge draws by which its sharpness changes that
+APART = 2.4  # sigmas by which places scatter on even surfaces (2.3 at most were seen); at jumps, 2.6 and more
 OUTLIER = 4.0  # standard deviations
 CLEAR = 5.0  # standard deviations of a change of the light: more is an edge
 FADED = 0.07  # part of an edge's change of the light, 3 px from it: where most have more, it is shading
@@ -304,8 +306,8 @@ class _Profiles(NamedTuple):
 def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise: Singles) -> tuple[float, float]:
     """The footprint of edges in px², and its sigma, by differences from two pixels about an edge.
 
-    Where edges that stand alone do not tell it, all changes of the light do. Shading tells nothing (`noise` (n,) is
-    that of a change of the light), nor do edges and bends of surfaces.
+    Where edges that stand alone do not tell it, all changes of the light do, unless surfaces end there. Shading tells
+    nothing (`noise` (n,) is that of a change of the light), nor do edges and bends of surfaces.
     """
     height, width = place.shape[1:]
     n = np.flatnonzero(np.hypot(pull[:, 6], pull[:, 7]) > CLEAR * noise)
@@ -338,11 +340,14 @@ def _footprint(place: Singles, sigma: Singles, at: Shorts, pull: Singles, noise:
     alone = (row_median(np.where(far, light, np.nan).T) < FADED * light.max(axis=0))[:, None]
     profiles = _Profiles(told, drawn, textured, most, own)
     by_edges = _fit(profiles, clear & alone & (np.abs(textured[0]) < MOST * x), True)
-    return by_edges if by_edges[1] < SURE else _fit(profiles, clear, False)
+    return by_edges if by_edges[1] < SURE else min(by_edges, _fit(profiles, clear, False), key=itemgetter(1))
 
 
 def _fit(profiles: _Profiles, chosen: NDArray[np.bool_], even: bool) -> tuple[float, float]:
-    """Fit a footprint and its sigma to those `chosen` of profiles, and of an `even` surface if that is asked."""
+    """Fit a footprint and its sigma to those `chosen` of profiles, and of an `even` surface if that is asked.
+
+    If it is not, and they scatter by more than their noise and what a footprint's form explains, they tell nothing.
+    """
     told, drawn, textured, most, own = profiles
     expected = np.sqrt(1.5) * own + UNCERTAIN * np.abs(drawn[0])
     value, doubt = USUAL, DIFFERENT
@@ -358,6 +363,8 @@ def _fit(profiles: _Profiles, chosen: NDArray[np.bool_], even: bool) -> tuple[fl
         keep, weight = off < OUTLIER * scatter, (scatter / DIFFERENT) ** 2
         known = a[keep] @ a[keep] + weight
         value, doubt = (a[keep] @ b[keep] + USUAL * weight) / known, scatter / np.sqrt(known)
+    if not even and scatter > APART * max(1.0, value / USUAL):
+        return USUAL, DIFFERENT
     return float(max(value, 0.0)), float(doubt)
 
 
