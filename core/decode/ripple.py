@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from core.decode.tables import Singles
 from core.model import Array
+from core.numerics import median_of
 from core.parallel import run_in_bands
 
 TILES, SIDE = 4, 64  # tiles of the image along each axis, apart from each other, and pixels along each at most
@@ -26,6 +27,7 @@ SIGNIFICANT = 6.0  # standard errors by 8 to 16 tiles: once in 6,000 to 100,000 
 HIDDEN = 0.3  # lines, noise beyond which no place within lines is seen
 LEAST = 0.003  # lines: less is not worth it
 STRONG = 0.1  # lines: so much may come from a scene in step with the lines
+WIDEST = 0.8  # lines in a pixel, whose width leaves less than `STRONG` of the strongest ripple: sinc(0.8) / pi
 OWN = 0.5  # part of the crowding that smooth surfaces show where they are in step with the lines
 MOST = 0.12  # lines that are taken out: places that phases tell less and less are better doubted
 TURN = np.float32(2 * np.pi)
@@ -80,6 +82,9 @@ def _amplitude(u: Singles, sigma: Singles) -> tuple[Array, np.float32] | None:
     if middle < SIGNIFICANT * by_chance or middle / np.pi <= LEAST:
         return None
     if middle / np.pi >= STRONG:
+        over_four = np.abs(u[:, 4:] - u[:, :-4]), np.abs(u[4:] - u[:-4])
+        if max(median_of(change) / 4 for change in over_four) > WIDEST:
+            return None
         smooth = [abs(_crowding(np.where(np.isfinite(u[t]), _smooth(u[t], sigma[t]), u[t]), sigma[t])) for t in tiles]
         if np.mean(smooth) > OWN * middle:
             return None
