@@ -205,7 +205,7 @@ def _refusal(frames: AxisFrames, reasons: list[str], lines: int | None) -> tuple
     named = "period " + ", ".join(f"{p:g}" for p in periods)
     if not frames.codes:
         beat = combinations(periods)[1].max()
-        seen = f"phase steps of {named} repeat after {beat:.6g} of {lines} lines and there is no code"
+        seen = f"phase steps of {named} tell {beat:.6g} of {lines} lines apart and there is no code"
         return seen, "add Gray-code frames or phase steps of a longer period"
     cells = ", ".join(str(code.cell) for code in frames.codes)
     seen = f"code cells of {cells} lines are wider than the phase steps of {named} resolve"

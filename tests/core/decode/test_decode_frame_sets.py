@@ -82,7 +82,7 @@ def test_waves_drawn_from_the_first_line_to_the_last_are_one_line_short(bench, j
         assert np.isfinite(phase.u[inside]).mean() > 0.985
         assert ends == 0 or not np.isfinite(phase.u[np.abs(b.u - (N - 1) / 2) > N / 2 - ends / 4]).any()
     short = [Phase("x", 610 / k, 4, i, i * np.pi / 2) for k in (49, 44, 40) for i in range(4)]
-    with pytest.raises(InputError, match="repeat after 610 of 640"):
+    with pytest.raises(InputError, match="tell 610 of 640 lines apart"):
         decode(short, b.take(short), lines=(N, N))
 
 
