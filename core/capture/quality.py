@@ -69,7 +69,8 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
     level of all shots. What the camera cannot exceed is saturated, below `full` too.
     """
     shots = plan.shots
-    full = int(grey.max()) if cut_off(grey) else full
+    if (highest := int(grey.max())) < full and cut_off(grey):
+        full = highest
     ordered = np.sort(grey[list(plan.own)], axis=0)
     high, low = quantiles_in(ordered, 0.9, 0.1)
     whites = [grey[i] for i, pattern in enumerate(shots) if level_of(pattern) == 1]

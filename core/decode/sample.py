@@ -82,17 +82,17 @@ def full_scale(images: Sequence[Image], numbers: Numbers, sample: Singles, optio
     top = int(np.iinfo(images[0].dtype).max)
     if not numbers:
         return float(top)
-    if cut_off(seen := sample[list(numbers)]):
-        return float(seen.max())
+    seen = sample[list(numbers)]
+    if (highest := float(seen.max())) < top and cut_off(seen):
+        return highest
     if top == 255:
         return float(top)
     step = int(quantum(sample))
     tops: list[int] = []
     run_in_bands(lambda a, b: tops.extend(int(images[n][a:b].max()) for n in numbers), len(images[0]), 128)
-    highest = max(tops)
-    levels = highest // step + 1
+    levels = max(tops) // step + 1
     sensor = levels >= 256 and levels & (levels - 1) == 0
-    return float(highest) if sensor else float(top - top % step)
+    return float(max(tops) if sensor else top - top % step)
 
 
 def measure_noise(
