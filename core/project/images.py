@@ -38,7 +38,7 @@ _AGAIN = "record or copy this frame again"
 
 _JPEG, _EXIF = b"\xff\xd8", b"eXIf"
 _TIFF = {b"II*\0": "<", b"MM\0*": ">"}
-_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _LIGHT, _TURNED = 256, 257, 258, 259, 262, 274  # tags of TIFF
+_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _LIGHT, _TURNED = _READ = 256, 257, 258, 259, 262, 274  # tags of TIFF
 _FURTHER = 0  # no tag: the size in px of a second picture in the file
 _UNREADABLE = {34925: "LZMA", 50000: "Zstandard", 50001: "WebP", 50002: "JPEG XL", 34712: "JPEG 2000"}
 _PIXELS_AT = 256  # in a plain TIFF
@@ -269,14 +269,7 @@ def _tags(data: bytes | bytearray, order: str, at: int) -> dict[int, int]:
     (count,) = struct.unpack_from(f"{order}H", data, at)
     for i in range(count):
         tag, kind, values = struct.unpack_from(f"{order}HHI", data, at + 2 + 12 * i)
-        if tag in (
-            _WIDTH,
-            _HEIGHT,
-            _BITS,
-            _COMPRESSION,
-            _LIGHT,
-            _TURNED,
-        ):  # as 16 or 32 bit; the bits of colours are elsewhere
+        if tag in _READ:  # as 16 or 32 bit; the bits of colours are elsewhere
             form = "H" if kind == 3 and values < 3 else "I"
             (said[tag],) = struct.unpack_from(order + form, data, at + 10 + 12 * i)
     return said
