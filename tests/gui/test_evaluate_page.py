@@ -75,7 +75,7 @@ def test_from_the_calibrations_to_signed_pdf_and_csv(
     click(page.export_button, qtbot)
     idle(window, qtbot)
     names = {p.name for p in answers.path.iterdir()}
-    assert {"report.html", "report.pdf", "table-3.csv", "profile-plane+00.csv"} <= names
+    assert {"report.html", "report.pdf", "table-1a.csv", "table-2.csv", "table-3.csv", "profile-plane+00.csv"} <= names
     assert "deviations-plane+15-polynomial.csv" in names
     text = " ".join("".join(p.extract_text() for p in PdfReader(answers.path / "report.pdf").pages).split())
     assert "Signed off by A. Operator" in text

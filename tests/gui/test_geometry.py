@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import QPoint, QRect, Qt
+from PySide6.QtCore import QEvent, QObject, QPoint, QRect, Qt
 from PySide6.QtWidgets import QAbstractButton, QScrollArea, QWidget
 
 from core.model import Verdict
@@ -14,6 +14,7 @@ from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.wizards.wizard import Wizard
 from tests.gui.conftest import settle
 from tests.gui.hands import idle
+from tests.gui.test_german import only_english, said
 
 SCREEN = (1280, 800)
 WINDOW = (1280, 720)  # what a title bar and a desktop's panel of 40 px each leave of it
@@ -30,15 +31,33 @@ def scrolled(widget: QWidget) -> bool:
     return parent is not None
 
 
-@pytest.mark.parametrize(("language", "beside"), [("en", "work alone"), ("de", "help beside")])
-def test_every_button_of_every_page_is_on_the_screen(
-    program, finished: Path, qtbot, language: str, beside: str
+class Shown(QObject):
+    """Notes every window that appears on the screen."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.windows: list[str] = []
+
+    def eventFilter(self, watched, event):  # noqa: N802
+        if event.type() == QEvent.Type.Show and isinstance(watched, QWidget) and watched.isWindow():
+            self.windows.append(type(watched).__name__)
+        return False
+
+
+@pytest.mark.parametrize(("language", "beside", "theme"), [("en", "work", "light"), ("de", "help beside", "dark")])
+def test_every_button_of_every_page_is_on_the_screen_and_speaks_the_language(
+    program, qapp, finished: Path, qtbot, language: str, beside: str, theme: str
 ) -> None:
+    """And no part of a page flashes up as a window of its own."""
     program.choose_language(language)
-    window = program.window
+    program.choose_theme(theme)
+    english = only_english() if language == "de" else set()
+    shown, window = Shown(), program.window
     window.resize(*WINDOW)
     with qtbot.waitExposed(window):
         window.show()
+    if theme == "light":  # every event passes
+        qapp.installEventFilter(shown)
     assert window.open_path(finished)
     if beside == "help beside":
         window.bench.help_wanted.emit("index")
@@ -52,6 +71,7 @@ def test_every_button_of_every_page_is_on_the_screen(
             settle()
             helps.add(window.help.width())
             where = page + part
+            outside += [(where, "English", text) for text in english.intersection(said(window.page))]
             if (window.width(), window.height()) != WINDOW:
                 outside.append((where, "the window itself", window.size().toTuple()))
             buttons = [b for b in window.findChildren(QAbstractButton) if b.isVisible() and not scrolled(b)]
@@ -64,7 +84,9 @@ def test_every_button_of_every_page_is_on_the_screen(
                 assert widget.visibleRegion().boundingRect() == widget.rect(), (where, type(widget).__name__)
                 over = QRect(window.notices.mapTo(window, QPoint(0, 0)), window.notices.size())
                 assert not over.intersects(QRect(widget.mapTo(window, QPoint(0, 0)), widget.size())), where
+    qapp.removeEventFilter(shown)
     assert not outside
+    assert shown.windows == []
     assert len(helps) == 1  # it keeps its width from page to page
 
 

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import Qt
 
-from stripe_gui.pages import PAGES
 from stripe_gui.presenters.stages import State
 from tests.copies import own
 from tests.gui.hands import click, idle
@@ -28,31 +26,6 @@ def open_window(window, qtbot):
         return window.page
 
     return opened
-
-
-class Shown(QObject):
-    """Notes every window that appears on the screen."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.windows: list[str] = []
-
-    def eventFilter(self, watched, event):  # noqa: N802
-        if event.type() == QEvent.Type.Show and isinstance(watched, QWidget) and watched.isWindow():
-            self.windows.append(type(watched).__name__)
-        return False
-
-
-def test_no_part_of_a_page_flashes_up_as_a_window_of_its_own(window, qapp, finished: Path, qtbot) -> None:
-    shown = Shown()
-    qapp.installEventFilter(shown)
-    window.open_path(finished)
-    for page in PAGES:
-        window.show_page(page)
-        idle(window, qtbot)
-    window.bench.notify("error", "something", "do this", "details")
-    qapp.removeEventFilter(shown)
-    assert shown.windows == []
 
 
 def test_the_capture_page_shows_captures_frames_and_the_frame(open_window, window, recorded: Path, qtbot) -> None:
@@ -121,28 +94,6 @@ def test_measuring_shows_targets_and_points_at_the_chosen_one(
     assert len(page._shown.marks.measured) > 50
     page.side.targets.choose_row(7)
     assert page.model.target == page._shown.targets[7]
-
-
-def test_from_calibrating_to_the_exported_report(
-    open_window, window, answers, notices, calibrated, tmp_path, qtbot
-) -> None:
-    page = open_window(calibrated, "calibrate")
-    with qtbot.waitActive(window):
-        qtbot.keyClick(window, Qt.Key.Key_F5)
-    idle(window, qtbot)
-    assert [t.title.split(".")[0] for t in page.results._view.tables][:3] == ["Table 1a", "Table 1b", "Table 2"]
-    for stage in ("evaluate", "report"):
-        qtbot.mouseClick(window.strip.buttons[stage], Qt.MouseButton.LeftButton)
-        click(window.page.run_button, qtbot)
-        idle(window, qtbot)
-    left = {stage for stage, s in window.bench.session.statuses.items() if s.state is not State.DONE}
-    assert left == {"decode", "reconstruct"}  # nobody has asked for the objects yet
-    answers.path = tmp_path / "out"
-    click(window.page.export_button, qtbot)
-    idle(window, qtbot)
-    names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert {"report.html", "report.pdf", "table-1a.csv", "table-2.csv", "table-3.csv"} <= names
-    assert [n.kind for n in notices] == ["success"] * len(notices)
 
 
 def test_the_options_explain_their_consequences(open_window, recorded: Path) -> None:

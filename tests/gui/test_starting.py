@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -13,15 +14,21 @@ import pytest
 from PySide6.QtGui import QColor, QImage
 
 from stripe_gui.__main__ import display_problem
-from stripe_gui.pages import PAGES
 from stripe_gui.tour import SCALE, write
 
 NO_DISPLAY = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 
+TOUR = (
+    "import sys; from stripe_gui import __main__, tour; tour.PAGES = sys.argv[1].split(); "
+    "sys.exit(__main__.main(sys.argv[2:]))"
+)
 
-def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+
+def run(
+    *arguments: str, program: Sequence[str] = ("-m", "stripe_gui"), **environment: str
+) -> subprocess.CompletedProcess:
     kept = {k: v for k, v in os.environ.items() if k not in NO_DISPLAY}
-    command = [sys.executable, "-W", "error", "-m", "stripe_gui", *arguments]
+    command = [sys.executable, "-W", "error", *program, *arguments]
     return subprocess.run(command, env={**kept, **environment}, capture_output=True, text=True, timeout=280)
 
 
@@ -42,13 +49,15 @@ def test_other_systems_and_a_chosen_platform_are_not_looked_at() -> None:
     assert display_problem({"QT_QPA_PLATFORM": "offscreen"}, "linux") == ""
 
 
-def test_the_tour_pictures_every_page_light_and_dark_at_double_scale(finished_project: Path, tmp_path: Path) -> None:
-    """As the tour starts itself for each scale; single scale is what all other tests see."""
-    done = run("--tour", str(tmp_path / "tour"), str(finished_project), **{SCALE: "2", "QT_SCALE_FACTOR": "2"})
+def test_the_tour_pictures_pages_light_and_dark_at_double_scale(finished: Path, tmp_path: Path) -> None:
+    """As the tour starts itself for each scale; all pages and parts are walked at single scale (test_geometry)."""
+    pages = ("start", "reconstruct", "evaluate", "report")
+    program, scale = ("-c", TOUR, " ".join(pages)), {SCALE: "2", "QT_SCALE_FACTOR": "2"}
+    done = run("--tour", str(tmp_path / "tour"), str(finished), program=program, **scale)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     pictures = sorted((tmp_path / "tour").glob("*.png"))
-    for page in PAGES:
+    for page in pages:
         for theme in ("light", "dark"):
             found = [p for p in pictures if p.name.startswith(page) and p.name.endswith(f"{theme}-2x.png")]
             assert found, (page, theme)
