@@ -88,24 +88,31 @@ def rooms() -> dict[str, list[Path]]:
 
 
 @cache
-def imported(path: Path, skip_type_checking: bool = False) -> set[str]:
-    """The absolute module names that a file imports, inside functions too."""
+def imports_of(path: Path) -> tuple[set[str], set[str]]:
+    """The absolute module names that a file imports, inside functions too: all, and those that type checkers need."""
     names: set[str] = set()
+    checked: set[str] = set()
 
-    def visit(node: ast.AST) -> None:
-        if skip_type_checking and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            return
+    def visit(node: ast.AST, to: set[str]) -> None:
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            to = checked
         if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
+            to.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: write imports in full"
-            names.add(node.module or "")
-            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+            to.add(node.module or "")
+            to.update(f"{node.module}.{alias.name}" for alias in node.names)
         for child in ast.iter_child_nodes(node):
-            visit(child)
+            if not isinstance(child, ast.expr):
+                visit(child, to)
 
-    visit(ast.parse(path.read_text()))
-    return names
+    visit(ast.parse(path.read_text()), names)
+    return names, checked
+
+
+def imported(path: Path, skip_type_checking: bool = False) -> set[str]:
+    names, checked = imports_of(path)
+    return names if skip_type_checking else names | checked
 
 
 @pytest.mark.parametrize("room", sorted(rooms()))

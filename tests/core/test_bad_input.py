@@ -237,10 +237,10 @@ def test_a_report_that_cannot_be_written_leaves_the_evaluation(calibrated: Path,
 
 
 @pytest.mark.parametrize("value", ["elsewhere", 7, {"by": "another program"}])
-def test_keys_of_other_programs_are_no_error(calibrated: Path, edit_json: Edit, value: object) -> None:
-    edit_json(calibrated / "project.json", reference=value, truth=value)
-    (calibrated / "truth.json").write_text(json.dumps({"format": "of another program", "camera": value}))
-    assert main(["report", str(calibrated)]) == 0
+def test_keys_of_other_programs_are_no_error(whole: Path, edit_json: Edit, value: object) -> None:
+    edit_json(whole / "project.json", reference=value, truth=value)
+    (whole / "truth.json").write_text(json.dumps({"format": "of another program", "camera": value}))
+    assert main(["report", str(whole)]) == 0
 
 
 def test_a_plane_that_shows_nothing_is_named(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -405,9 +405,10 @@ def test_a_camera_of_one_axis_keeps_no_other_pair_from_being_watched(
     assert main([*words, "--camera", "right"]) == 2
 
 
-def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_path: Path, capsys) -> None:
+def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_path: Path, edit_json, capsys) -> None:
     """The projector of a stereo scanner labels places: planes are as flat as the noise of its labels lets them be."""
     stereo, folder = tmp_path / "stereo.yml", copied(project.path, tmp_path / "project")
+    edit_json(folder / "project.json", captures=["captures/plane+00"])
     assert main(["export", str(project.path), "--to", "opencv", str(stereo), "--cameras", "left", "right"]) == 0
     words = ["import", str(stereo), "--from", "opencv", str(folder)]
     assert main(words) == 2

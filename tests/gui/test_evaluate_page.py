@@ -86,19 +86,14 @@ def test_from_the_calibrations_to_signed_pdf_and_csv(
     assert [n.kind for n in notices] == ["success"] * len(notices)
 
 
-def test_exported_deviations_are_those_of_the_evaluation(
-    open_page, window, answers, calibrated, tmp_path, qtbot
-) -> None:
-    page = open_page(calibrated)
-    click(page.run_button, qtbot)
-    idle(window, qtbot)
-    page = open_page(None, "report")
+def test_exported_deviations_are_those_of_the_evaluation(open_page, window, answers, finished, tmp_path, qtbot) -> None:
+    page = open_page(finished, "report")
     page.wanted["report"].click()
     page.wanted["deviations"].click()
     answers.path = tmp_path / "out"
     click(page.export_button, qtbot)
     idle(window, qtbot)
-    for e in load_evaluation(read_project(calibrated)):
+    for e in load_evaluation(read_project(finished)):
         head, found = values(tmp_path / "out" / f"deviations-{e.capture}-{e.method}.csv")
         assert head[-2:] == ["deviation [µm]", "sigma [µm]"]
         assert len(found) == e.n

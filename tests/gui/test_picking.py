@@ -79,11 +79,11 @@ class Operator:
 
 @pytest.fixture
 def unpicked(project: Path) -> Path:
-    """A project with 8 images of the testfield, none of them picked."""
+    """A project with 4 images of the testfield, each turned otherwise, none of them picked."""
     for path in project.glob("captures/*/picks.json"):
         path.unlink()
     data = json.loads((project / "project.json").read_text())
-    data["captures"] = [name for name in data["captures"] if "testfield" in name]
+    data["captures"] = [name for name in data["captures"] if "testfield" in name][:4]
     (project / "project.json").write_text(json.dumps(data))
     return project
 
@@ -93,7 +93,7 @@ def operator(window, qtbot, unpicked: Path) -> Operator:
     return Operator(window, qtbot, unpicked)
 
 
-def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, calibrated_original: Path) -> None:
+def test_images_from_scratch_by_keys_alone(operator: Operator, window, calibrated_original: Path) -> None:
     page, per_image = operator.page, []
     while window.page is page:
         before = operator.keys
@@ -108,7 +108,7 @@ def test_eight_images_from_scratch_by_keys_alone(operator: Operator, window, cal
     assert window.page.id == "calibrate"
     assert window.bench.session.statuses["measure"].state is State.DONE
     # an operator who needs a second for a key and five to look: 20 images in well under five minutes
-    assert len(per_image) == 8
+    assert len(per_image) == 4  # eight in test_operators_day
     assert np.mean(per_image) <= 4
     found = measured_now(operator.folder)
     original = {t.capture: t for t in kept_targets(read_project(calibrated_original))}

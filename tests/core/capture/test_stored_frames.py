@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from itertools import chain, product
 from pathlib import Path
 
@@ -61,8 +62,14 @@ def light(pattern: Pattern, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return ((k >> (pattern.bits - 1 - pattern.bit) & 1) ^ pattern.inverse).astype(float)[seen]
 
 
-def render(
-    patterns: list[Pattern],
+def render(patterns: list[Pattern], seed: int, **more: float) -> Frames:
+    """Frames of patterns; drawn once, and not to be written into."""
+    return list(_rendered(tuple(patterns), seed, **more))
+
+
+@lru_cache(maxsize=24)
+def _rendered(
+    patterns: tuple[Pattern, ...],
     seed: int,
     *,
     gamma: float = 1.0,
@@ -86,11 +93,11 @@ def render(
     albedo = np.full(x.shape, 0.9)
     if dots:
         albedo[(x % 24 - 12) ** 2 + (y % 24 - 12) ** 2 < 40] = 0.25
-    shade = albedo * (1 - 1e-5 * (dx**2 + dy**2))
+    shade = np.float32(albedo * (1 - 1e-5 * (dx**2 + dy**2)))
     lines = [np.clip(np.floor(at + 0.5), 0, n - 1).astype(int) for at, n in zip((u, v), LINES, strict=True)]
     images = []
     for pattern in patterns:
-        scene = shade * (0.03 + lit * (0.02 + light(pattern, *lines)))
+        scene = shade * (0.03 + lit * np.float32(0.02 + light(pattern, *lines)))
         seen = cv2.resize(cv2.GaussianBlur(scene, (0, 0), fine * 0.6), SHAPE[::-1], interpolation=cv2.INTER_AREA)
         grey = 8 + 190 * seen**gamma + rng.normal(0, 1.5, SHAPE)
         images.append(np.clip(np.round(grey), 0, 255).astype(np.uint8))

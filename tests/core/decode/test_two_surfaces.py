@@ -22,7 +22,7 @@ def _seen(places: dict[str, Array], lit: Array, blur_px: float) -> list[NDArray[
     """Frames of fields (SUB·H, SUB·W) of coordinates and of reflected light, 0..1."""
     draw, frames, shown = np.random.default_rng(5), [], Bench(places["x"], places["y"], LINES)
     for pattern in PATTERNS:
-        light = cv2.GaussianBlur(lit * shown.light(pattern), (0, 0), blur_px * SUB)
+        light = cv2.GaussianBlur(np.float32(lit * shown.light(pattern)), (0, 0), blur_px * SUB)
         grey = 12 + 160 * light.reshape(SHAPE[0], SUB, SHAPE[1], SUB).mean(axis=(1, 3))
         frames.append(np.clip(np.round(grey + draw.normal(0, 1.2, SHAPE)), 0, 255).astype(np.uint8))
     return frames

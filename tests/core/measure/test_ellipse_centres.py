@@ -29,7 +29,7 @@ def discs(semi_axes, defocus_px, rng, rows=7, cols=9, fall=(0.0, 0.0), widens=0.
     turn = np.deg2rad(33)
     R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     shape = R @ np.diag(semi_axes) @ R.T
-    cover, to_unit = np.zeros(u.shape), np.linalg.inv(shape)
+    cover, to_unit = np.zeros(u.shape, np.float32), np.linalg.inv(shape)
     for x, y in centre:
         part = np.s_[int((y - 10) * FINE) : int((y + 10) * FINE), int((x - 10) * FINE) : int((x + 10) * FINE)]
         p = np.stack([u[part] - x, v[part] - y], axis=-1) @ to_unit.T
@@ -47,7 +47,7 @@ def discs(semi_axes, defocus_px, rng, rows=7, cols=9, fall=(0.0, 0.0), widens=0.
         disc = np.exp(-2 * (away / step) ** 2) if gaussian else np.clip(0.5 + (step - away) * FINE, 0, 1)
         disc *= 1 - widens * du / step
         share = np.clip(1 - np.abs(radius - step) / (steps[1] - steps[0]), 0, 1) if widens else 1.0
-        seen += cv2.filter2D(cover * share, -1, disc / disc.sum(), borderType=cv2.BORDER_REPLICATE)
+        seen += cv2.filter2D(np.float32(cover * share), -1, disc / disc.sum(), borderType=cv2.BORDER_REPLICATE)
     return 12 + 90 * seen.reshape(height, FINE, width, FINE).mean(axis=(1, 3)), centre, shape
 
 

@@ -23,7 +23,10 @@ HALF = (((-1, 0), (0, -1)), (ROWS - 1, COLS - 1))
 def board():
     row, col = (x.ravel() for x in np.mgrid[0:ROWS, 0:COLS])
     xyz = np.stack([12.0 * (col - 9), 12.0 * (6 - row), 0.0 * row], axis=1)
-    return Testfield(row, col, xyz, np.full(row.size, 5.0))
+    field = Testfield(row, col, xyz, np.full(row.size, 5.0))
+    for values in (row, col, xyz, field.diameter_mm):
+        values.flags.writeable = False  # as fields that are read: they are looked through once
+    return field
 
 
 def image_of(made, field, rng, sigma_px=0.01, hidden=0.3):

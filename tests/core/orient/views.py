@@ -75,7 +75,7 @@ def observe(true: Pair, pose: Pose, rng: np.random.Generator, relief: Height = r
     uv = np.stack(np.meshgrid(np.arange(spec.width), np.arange(spec.height)), axis=-1).astype(float)
     d = ray_directions(spec, true.camera.interior, uv) @ back.rotation.T
     t = (0.0 - back.translation_mm[2]) / d[..., 2]
-    for _ in range(40):
+    for _ in range(24):
         X = back.translation_mm + d * t[..., None]
         t = t + 0.7 * (relief(*np.clip(X[..., :2], -100, 100).T).T - X[..., 2]) / d[..., 2]
     X = back.translation_mm + d * t[..., None]

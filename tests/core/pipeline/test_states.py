@@ -38,12 +38,6 @@ pytestmark = pytest.mark.usefixtures("plain_reports")
 ALL = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
 
 
-@pytest.fixture
-def whole(whole_original: Path, tmp_path: Path) -> Path:
-    """A copy of it to work on."""
-    return copied(whole_original, tmp_path / "whole")
-
-
 def states(folder: Path) -> dict[str, str]:
     return {stage: state.state for stage, state in project_states(read_project(folder)).stages.items()}
 
