@@ -259,7 +259,7 @@ def test_a_run_that_cannot_be_read_is_passed_over(calibrated: Path) -> None:
     project = read_project(calibrated)
     (calibrated / "results" / "runs" / "0001" / "run.json").write_text("{")
     assert list_runs(project) == ()
-    calibrate_project(project)
+    calibrate_project(project, "photogrammetric")
     assert [run.number for run in list_runs(project)] == [2]  # a number is not given twice
 
 

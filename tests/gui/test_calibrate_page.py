@@ -225,6 +225,7 @@ def test_a_failure_is_told_on_the_page_and_the_work_can_be_started_again(
     open_page, window, finished_project: Path, qtbot
 ) -> None:
     page = open_page(finished_project)
+    page.form.method.setCurrentIndex(page.form.method.findData("polynomial"))
     page.form.degree.setCurrentIndex(page.form.degree.findData(5))  # of five plates: one too few
     with qtbot.waitActive(window):
         qtbot.keyClick(window, Qt.Key.Key_F5)

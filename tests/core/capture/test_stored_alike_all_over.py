@@ -118,8 +118,8 @@ def test_frames_that_were_enlarged_are_named(factor: int) -> None:
     small = [i[::factor, ::factor] for i in images]
     enlarged = [cv2.resize(i, images[0].shape[::-1], interpolation=cv2.INTER_NEAREST) for i in small]
     size = "{1} x {0} px were enlarged".format(*small[0].shape)
-    assert size in told(patterns, enlarged)
-    assert "enlarged" not in told(patterns, images)
+    assert size in told(patterns, enlarged, decoded=False)
+    assert "enlarged" not in told(patterns, images, decoded=False)
 
 
 @pytest.mark.parametrize("line_px", [1, 2, 3])
@@ -138,4 +138,4 @@ def test_light_without_noise_is_not_called_enlarged(line_px: int) -> None:
         image = np.full((180, 180), 8, np.uint8)
         image[20:150, 30:160] = (wide.T if getattr(p, "axis", "") == "x" else wide)[20:150, 30:160]
         images.append(image)
-    assert "enlarged" not in told(patterns, images)
+    assert "enlarged" not in told(patterns, images, decoded=False)

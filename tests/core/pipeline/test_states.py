@@ -247,12 +247,11 @@ ROWS = [
 def test_what_follows_from_it_is_outdated_by(
     change: Callable[[Path], None], stages: str, told_by: str, words: str, whole: Path
 ) -> None:
-    assert outdated(whole) == set()
-    change(whole)
-    assert outdated(whole) == set(stages.split())
-    assert words in because(whole, told_by)
-    for stage in stages.split():
-        assert because(whole, stage)
+    change(whole)  # of a project as in test_nothing_is_outdated_by
+    found = project_states(read_project(whole)).stages
+    assert {stage for stage, state in found.items() if state.state != "current"} == set(stages.split())
+    assert words in "; ".join(found[told_by].because)
+    assert all(found[stage].because for stage in stages.split())
 
 
 @pytest.mark.parametrize("change", [frame_replaced, archive_damaged])
@@ -378,16 +377,18 @@ def test_calibrating_by_all_methods_is_reported_to_its_end(quick: Path, monkeypa
     assert told == [(1.0, "all")]
 
 
-def test_an_update_that_was_stopped_goes_on_where_it_was(quick: Path) -> None:
+def test_an_update_that_was_stopped_goes_on_where_it_was(whole: Path) -> None:
     from core.errors import Cancelled
     from core.progress import Progress
 
     seen: list[str] = []
     progress = Progress(lambda _, message: seen.append(message), lambda: "iteration 2" in seen)
+    target_excluded(whole)
+    assert states(whole)["measure"] == "outdated"
     with pytest.raises(Cancelled):
-        update_project(read_project(quick), progress)
-    assert states(quick)["measure"] == "current"
-    done = update_project(read_project(quick)).done
+        update_project(read_project(whole), progress)
+    assert states(whole)["measure"] == "current"
+    done = update_project(read_project(whole)).done
     assert [text.partition(":")[0] for text in done] == ["calibrate", "reconstruct", "evaluate", "report"]
 
 
