@@ -24,6 +24,7 @@ from core.errors import Cancelled, InputError, StripeError
 from core.progress import Progress
 
 GROUPS = (experiment, recording, road, results, state, watching, exchange)
+_ended = 0  # by which signal
 
 
 def run() -> None:
@@ -34,6 +35,7 @@ def run() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # it was closed
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  to the end
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  as stderr does; σ is not in every code
     ending = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     heard = [number for number in ending if signal.getsignal(number) is signal.SIG_DFL]  # nohup's is left alone
     for number in heard:
@@ -50,8 +52,17 @@ def run() -> None:
 
 def _end(number: int, frame: FrameType | None) -> None:
     """End the command from where it is; a second signal must not disturb the tidying up."""
+    global _ended
     signal.signal(number, signal.SIG_IGN)
+    _ended = number
     raise KeyboardInterrupt(number)
+
+
+def _not_ended() -> bool:
+    """End the command here if it should have ended before: what calls back from C, or goes, swallows exceptions."""
+    if _ended:
+        raise KeyboardInterrupt(_ended)
+    return False
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -66,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.json not in (None, "-"):
             _check_json(Path(options.json), getattr(options, "out", None))
         with _guarded(options), _told(options.json):
-            figures, failure = _worked(options, Progress(console.report))
+            figures, failure = _worked(options, Progress(console.report, _not_ended))
             sys.stdout.flush()
         console.clear()
         if options.json is not None:

@@ -7,9 +7,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+
+from core import cli
+from core.progress import Progress
 
 
 @pytest.mark.skipif(os.name == "nt", reason="has no such signals")
@@ -31,9 +35,28 @@ def test_a_command_ends_in_one_line_and_leaves_nothing(number: int, tmp_path: Pa
     assert not [path for path in tmp_path.rglob("*") if path.name.endswith((".part", ".lock"))]
 
 
+def test_an_end_that_a_callback_swallowed_comes_at_the_next_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    monkeypatch.setattr(cli, "_ended", 0)
+    assert Progress(cancelled=cli._not_ended)(0.1) is None
+    with suppress(KeyboardInterrupt):  # as what is called from C, or a finalizer, does
+        cli._end(15, None)
+    with pytest.raises(KeyboardInterrupt, match="15"):
+        Progress(cancelled=cli._not_ended)(0.2)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="no such shell")
 @pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
 def test_who_closes_the_output_before_gets_the_work_done(closed: str, quick: Path) -> None:
     command = f"{sys.executable} -m core status {quick} {closed}"
     done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_who_reads_in_another_code_gets_every_word(tmp_path: Path) -> None:
+    board, sheet = tmp_path / "board.csv", tmp_path / "σ.svg"
+    board.write_text("row,col,x_mm,y_mm,z_mm,diameter_mm\n0,0,0,0,0,5\n0,1,20,0,0,5\n1,0,0,20,0,5\n")
+    command = [sys.executable, "-m", "core", "testfield", str(board), "--out", str(sheet)]
+    done = subprocess.run(command, capture_output=True, env={**os.environ, "PYTHONIOENCODING": "cp1252"}, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\u03c3.svg: page of " in done.stdout
