@@ -90,8 +90,7 @@ def check_place(path: Path) -> None:
         return
     try:
         nearest = next(parent for parent in path.absolute().parents if parent.exists())
-        with tempfile.NamedTemporaryFile(prefix=f".{path.name}.", suffix=".part", dir=nearest):
-            pass
+        tempfile.TemporaryFile(dir=nearest).close()  # on Linux without a name, which a kill would leave
     except OSError as error:
         raise unwritable(path, error) from error
 
@@ -191,7 +190,7 @@ def write_json(path: Path, value: Any) -> None:
     """Write a value as indented JSON, atomically."""
     text = _indented(value, "\n")
     with atomic_write(path) as file:
-        file.write(text.encode() + b"\n")
+        file.write(text.encode(errors="backslashreplace") + b"\n")  # bytes of a name that are no text, as JSON has them
 
 
 def _indented(value: Any, margin: str) -> str:

@@ -6,11 +6,12 @@ environment should say whose it is.
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["resource"]
+__all__ = ["resource", "user_cache"]
 
 
 def resource(*parts: str) -> Path:
@@ -22,6 +23,12 @@ def resource(*parts: str) -> Path:
     True
     """
     return _folder().joinpath(*parts)
+
+
+def user_cache() -> Path | None:
+    """Give the user's folder of what is only there to save time; none where the system knows no home of the user."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    return base / "stripe-workbench" if base.is_absolute() else None
 
 
 def _folder() -> Path:

@@ -35,11 +35,11 @@ ALLOWED = {
     "numerics": {"compiling"},
     "lazy": set(),  # which every room may import
     "resources": set(),
-    "compiling": {"atomic", "progress"},
+    "compiling": {"atomic", "progress", "resources"},
     "model": {"geometry", "patterns"},  # for type annotations only: see below
     "geometry": {"errors", "model"},
     "patterns": {"errors", "fields"},
-    "project": GROUND,
+    "project": GROUND | {"resources"},
     "devices": GROUND | {"resources", "project", "bench"},  # the virtual devices switch the bench
     "capture": GROUND | {"project", "devices"},
     "bench": GROUND | {"project"},

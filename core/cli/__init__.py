@@ -35,7 +35,7 @@ def run() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # it was closed
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  to the end
-    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  as stderr does; σ is not in every code
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # as on stderr: σ is not in all codes
     ending = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     heard = [number for number in ending if signal.getsignal(number) is signal.SIG_DFL]  # nohup's is left alone
     for number in heard:

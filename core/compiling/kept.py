@@ -19,6 +19,7 @@ from typing import Any
 
 from core.atomic import atomic_write
 from core.compiling.native import Native, processor
+from core.resources import user_cache
 
 try:
     import fcntl
@@ -104,9 +105,9 @@ def kernel_folder() -> Path | None:
 
     The bundle and an installed package stay as they are, and all checkouts of one user share what is the same.
     """
-    asked_for = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
-    of_the_user = Path(asked_for or os.path.expanduser("~/.cache"))
-    for base in (of_the_user / "stripe-workbench", _OWN / "__pycache__"):
+    numba = os.environ.get("NUMBA_CACHE_DIR")
+    of_the_user = Path(numba) / "stripe-workbench" if numba else user_cache()
+    for base in filter(None, (of_the_user, _OWN / "__pycache__")):
         folder = base / "kernels"
         try:
             folder.mkdir(parents=True, exist_ok=True)

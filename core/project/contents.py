@@ -19,6 +19,7 @@ from typing import Any
 from core.atomic import atomic_write
 from core.errors import StripeError
 from core.parallel import run_in_bands
+from core.resources import user_cache
 
 FILE = ".contents.json"  # in results/
 DIGITS = 20  # of SHA-256 in hexadecimal: 80 bits tell a project's files apart
@@ -102,9 +103,9 @@ class Contents:
     def _places(self) -> list[Path]:
         """Where the memory may be: with the results, or with the user where these cannot be written."""
         own = self.folder / "results"
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stripe-workbench" / "contents"
-        name = hashlib.sha256(str(self.folder.resolve()).encode()).hexdigest()[:DIGITS]
-        return [*([own / FILE] if own.is_dir() and os.access(own, os.W_OK) else []), base / f"{name}.json"]
+        name = hashlib.sha256(os.fsencode(self.folder.resolve())).hexdigest()[:DIGITS]
+        with_results = [own / FILE] if own.is_dir() and os.access(own, os.W_OK) else []
+        return with_results + ([base / "contents" / f"{name}.json"] if (base := user_cache()) else [])
 
     def _read(self) -> None:
         for path in self._places():

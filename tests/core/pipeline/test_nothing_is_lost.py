@@ -356,6 +356,26 @@ def test_a_place_told_in_a_roundabout_way_is_the_same_place(small: Path, tmp_pat
     assert main(board) == 2
 
 
+def test_names_whose_bytes_are_no_text_are_names(small: Path, tmp_path: Path, capsys) -> None:
+    odd, out = tmp_path / os.fsdecode(b"odd\xff"), tmp_path / os.fsdecode(b"odd\xff/out\xfe.ply")
+    try:
+        small.rename(odd)
+    except OSError:
+        pytest.skip("this disk takes text alone")
+    for content in (b"one", b"two"):  # the second replaces what the first wrote
+        with guarding(out), atomic_write(out) as file:
+            file.write(content)
+    assert out.read_bytes() == b"two"
+    assert main(["status", str(odd)]) == 0, capsys.readouterr().err
+
+
+def test_who_has_no_home_works_without_a_cache(small: Path, monkeypatch, capsys) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # as it gives it back for a user without an entry
+    monkeypatch.setattr(Path, "home", lambda: pytest.fail("asked for the home"))
+    assert main(["status", str(small)]) == 0, capsys.readouterr().err
+
+
 def test_what_a_project_keeps_is_no_place_for_results(calibrated: Path, tmp_path: Path, capsys) -> None:
     project = calibrated
     (tmp_path / "images.txt").write_text("mine")
