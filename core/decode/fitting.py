@@ -199,43 +199,33 @@ def _search(model: _Model, crowds: Sequence[Crowd] = ()) -> Response | None:
     prior = np.diag(_SPREADS**-2.0)
     found = Response(np.concatenate([start[:PARAMETERS], _blurs(model), start[-2:]]), prior)
     for k in range(ROUNDS):
-        normal, right = _reduced(model, found, first=k == 0)
-        right -= prior @ (found.values - start)
-        normal += prior
+        normal, right = _reduced(model, found, prior, first=k == 0)
         change = np.asarray(np.linalg.solve(normal, right), float)
         nothing = k == 0 and crowds and _significance(change, normal) < WORTH
-        change = _damped(normal, right, prior, k)
-        _follow(model, change)
-        found = Response(found.values + change, normal)
+        found, last = _moved(model, found, normal, _damped(normal, right, prior, k))
         if nothing and not crowded(crowds, found.straight):
             return None
-        if change @ normal @ change < SETTLED:
+        if last < SETTLED:
             break
     return Response(found.values, (found.normal - prior) / _alike(model) + prior)
 
 
 def _search_camera(model: _Model, found: Response) -> Array | None:
     """The camera's curve, found beside the projector's; None if that does not leave much that the camera explains."""
-    start, own = np.concatenate([np.frombuffer(_START), np.zeros(TERMS)]), len(found.values)
     prior = np.diag(np.concatenate([_SPREADS, np.full(TERMS, CAMERAS)]) ** -2.0)
     model.camera, before, phase, untold = np.zeros(TERMS), np.zeros(2), model.phase, UNTOLD * model.top**2
     for k in range(ROUNDS):
-        normal, right = _reduced(model, found)
-        right -= prior @ (np.concatenate([found.values, model.camera]) - start)
-        normal += prior
+        normal, right = _reduced(model, found, prior)
         if k == 0:
             before, (dark, bright) = model.squares, np.quantile(model.ground + model.gain, (0.1, 0.9))
             if before[0] < untold or bright < UNEVEN * dark or right @ np.linalg.solve(normal, right) < BENT:
                 return None
-        change = _damped(normal, right, prior, k)
-        _follow(model, change)
-        found = Response(found.values + change[:own], found.normal)
-        model.camera = model.camera + change[own:]
-        if change @ normal @ change < SETTLED:
+        found, last = _moved(model, found, normal, _damped(normal, right, prior, k))
+        if last < SETTLED:
             break
-    if change @ normal @ change > UNSETTLED:
+    if last > UNSETTLED:
         return None  # as of frames that are exchanged, or a camera that saturates below its full scale
-    _reduced(model, found)
+    _reduced(model, found, prior)
     if (model.squares > np.maximum(LEFT * before, untold)).any():
         return None  # as of light that scatters, which fields alone show
     return model.camera if _worth_it(model, phase) else None
@@ -320,8 +310,9 @@ def _turns(
     return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float), tile[good]
 
 
-def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Array]:
-    """Normal equations of the common unknowns, those of the pixels eliminated; remembers how these follow."""
+def _reduced(model: _Model, r: Response, prior: Array, first: bool = False) -> tuple[Array, Array]:
+    """Normal equations of the common unknowns, `prior` what is known beforehand, those of the pixels eliminated;
+    remembers how these follow."""
     double = np.full(HARMONICS + 1, 2.0)
     double[0] = 1.0
     powers = np.exp(1j * model.phase.T[:, :, None] * np.arange(HARMONICS + 1))  # (J, n, M + 1)
@@ -371,12 +362,15 @@ def _reduced(model: _Model, r: Response, first: bool = False) -> tuple[Array, Ar
     flat = (weight[..., None] * common).reshape(-1, count)
     full, free = flat.T @ common.reshape(-1, count), flat.T @ residual.ravel()
     beside = outer.reshape(-1, count).T @ model.solved.reshape(-1, count + 1)
-    return full - beside[:, :-1], free - beside[:, -1]
+    away = np.concatenate([r.values - np.frombuffer(_START), model.camera])
+    return full - beside[:, :-1] + prior, free - beside[:, -1] - prior @ away
 
 
-def _follow(model: _Model, change: NDArray[np.floating]) -> None:
-    """Change the pixels' unknowns as the common ones have changed."""
+def _moved(model: _Model, r: Response, normal: Array, change: Array) -> tuple[Response, float]:
+    """Change the common unknowns, and those of the pixels as these follow; also gives the square of the change."""
     own = model.solved[..., -1] - model.solved[..., :-1] @ change
     model.ground = model.ground + own[:, 0]
     model.gain = np.maximum(model.gain + own[:, 1], LEAST)
     model.phase = model.phase + np.clip(own[:, 2:], -0.5, 0.5)
+    model.camera = model.camera + change[len(r.values) :]
+    return Response(r.values + change[: len(r.values)], normal), float(change @ normal @ change)
