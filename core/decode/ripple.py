@@ -70,10 +70,11 @@ def _amplitude(u: Singles, sigma: Singles) -> tuple[Array, np.float32] | None:
     """
     places, means, tiles = [], [], []
     for tile in ((rows, columns) for rows in _tiles(u.shape[0]) for columns in _tiles(u.shape[1])):
-        if _clear(u[tile], sigma[tile]).sum() >= FEWEST_PIXELS:
-            means.append(_crowding(u[tile], sigma[tile]))
+        clear = np.isfinite(u[tile]) & (sigma[tile] < HIDDEN)
+        if clear.sum() >= FEWEST_PIXELS:
+            means.append(_crowding(u[tile][clear], sigma[tile][clear]))
             places.append((1.0, *((along.start + along.stop) / 2 for along in tile)))
-            tiles.append(tile)
+            tiles.append((tile, clear))
     if len(means) < FEWEST_TILES:
         return None
     crowding = np.array(means)
@@ -85,7 +86,7 @@ def _amplitude(u: Singles, sigma: Singles) -> tuple[Array, np.float32] | None:
         over_four = np.abs(u[:, 4:] - u[:, :-4]), np.abs(u[4:] - u[:-4])
         if max(median_of(change) / 4 for change in over_four) > WIDEST:
             return None
-        smooth = [abs(_crowding(np.where(np.isfinite(u[t]), _smooth(u[t], sigma[t]), u[t]), sigma[t])) for t in tiles]
+        smooth = [abs(_crowding(_smooth(u[t], clear)[clear], sigma[t][clear])) for t, clear in tiles]
         if np.mean(smooth) > OWN * middle:
             return None
     inverse = crowding.real * (1 + 0.5 * crowding.real**2) / np.pi  # of J1
@@ -94,25 +95,19 @@ def _amplitude(u: Singles, sigma: Singles) -> tuple[Array, np.float32] | None:
     return np.asarray(plane), np.float32(left)
 
 
-def _clear(u: Singles, sigma: Singles) -> NDArray[np.bool_]:
-    """Where a place within lines is seen."""
-    return np.isfinite(u) & (sigma < HIDDEN)
-
-
 def _crowding(u: Singles, sigma: Singles) -> complex:
     """Mean of ``exp(2 pi i u)``, were it without noise."""
-    valid = _clear(u, sigma)
-    part = np.exp(np.float32(-0.5) * np.square(TURN * sigma[valid]))
-    angle = TURN * (u[valid] - np.rint(u[valid]))
+    part = np.exp(np.float32(-0.5) * np.square(TURN * sigma))
+    angle = TURN * (u - np.rint(u))
     return complex(np.vdot(part, np.cos(angle)), np.vdot(part, np.sin(angle))) / float(np.vdot(part, part))
 
 
-def _smooth(u: Singles, sigma: Singles) -> Singles:
+def _smooth(u: Singles, clear: NDArray[np.bool_]) -> Singles:
     """Coordinates of the quadratic surface through a tile."""
     y, x = (np.linspace(-1, 1, n) for n in u.shape)
     y, x = (each.ravel() for each in np.meshgrid(y, x, indexing="ij"))
-    terms, valid = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y]), _clear(u, sigma).ravel()
-    fitted = np.linalg.lstsq(terms[valid], u.ravel()[valid].astype(float), rcond=None)[0]
+    terms = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    fitted = np.linalg.lstsq(terms[clear.ravel()], u[clear].astype(float), rcond=None)[0]
     return np.asarray(terms @ fitted, np.float32).reshape(u.shape)
 
 
