@@ -155,12 +155,11 @@ def nominal_of(adjustment: Adjustment, board: Testfield) -> Array:
 
 def _shape(nominal: Array, found: Array, about: str) -> tuple[float, list[Concern]]:
     """Scale of the found points over the nominal ones, and whether the nominal ones have the right shape."""
-    use = np.isfinite(nominal).all(axis=1) & np.isfinite(found).all(axis=1)
-    if use.sum() < 4:
+    fitted = _fitted(nominal, found)
+    if fitted is None:
         return float("nan"), []
     file = "testfield.csv" if about == "board" else "the plate's testfield file"
-    nominal, found = nominal[use], found[use]
-    scale, R, shift = similarity(nominal, found)
+    nominal, found, scale, R, shift = fitted
     rest = found - scale * nominal @ R.T - shift
     size = float(np.linalg.norm(np.ptp(found, axis=0)))
     off = float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))
@@ -188,6 +187,12 @@ def _shape(nominal: Array, found: Array, about: str) -> tuple[float, list[Concer
     return scale, []
 
 
+def _fitted(nominal: Array, found: Array) -> tuple[Array, Array, float, Array, Array] | None:
+    """Points known in both, and the similarity that leads from one to the other; None of too few."""
+    use = np.isfinite(nominal + found).all(axis=1)
+    return (nominal[use], found[use], *similarity(nominal[use], found[use])) if use.sum() >= 4 else None
+
+
 def _stretch(nominal: Array, found: Array) -> tuple[float, float]:
     """By how much x is longer than y in what was found, over nominal, and the r.m.s. that this leaves."""
     a, b = nominal - nominal.mean(axis=0), found - found.mean(axis=0)
@@ -208,9 +213,7 @@ def _by_calibration(plates: Plates) -> float:
 
 def _scale(plates: Plates, xyz_mm: Array) -> float:
     """Median scale of the found points of all plates, (plates, targets, 3), over the nominal ones."""
-    use = [np.isfinite(plates.nominal_mm + xyz).all(axis=1) for xyz in xyz_mm]
-    found = [similarity(plates.nominal_mm[k], xyz[k])[0] for xyz, k in zip(xyz_mm, use, strict=True) if k.sum() >= 4]
-    return median_of(found)
+    return median_of([fitted[2] for xyz in xyz_mm if (fitted := _fitted(plates.nominal_mm, xyz))])
 
 
 def _plate_board(plates: Plates) -> tuple[float, list[Concern]]:
