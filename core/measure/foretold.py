@@ -10,6 +10,11 @@ from core.model import Array, Ints
 
 CHOICES = 4  # spots looked at round a prediction
 NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
+ALONE, APART = 2.5, 0.15  # times its distance, and spacings, within which no other dot may lie
+FAINT = 0.35  # of the neighbours' contrast
+LONG = 1.8  # a spot's axis over the other, on the board
+SMALL, LARGE = 0.6, 1.6  # times the usual diameter
+STIFF = 0.03  # of the neighbours' weight, by which slopes of what a view misses are held near zero
 WHY = (
     "",
     "its contrast is unlike its neighbours'",
@@ -61,7 +66,7 @@ def foretell(
             bu0, bu1, bu2, bv0, bv1, bv2 = bu0 + u, bu1 + u * x, bu2 + u * y, bv0 + v, bv1 + v * x, bv2 + v * y
             count += 1
         total = max(n00, 1e-12)
-        n00, n11, n22 = n00 + 1e-9 * total + 1e-12, n11 + 0.03 * total, n22 + 0.03 * total
+        n00, n11, n22 = n00 + 1e-9 * total + 1e-12, n11 + STIFF * total, n22 + STIFF * total
         det = n11 * n22 - n12 * n12
         p, q = (
             (n01 * n22 - n02 * n12) / det,
@@ -140,11 +145,11 @@ def choose(
             size = np.sqrt(area[s] / (np.pi * abs(det))) / radius[t] / usual
             bright = contrast[s] / typical
             fault = 0
-            if not bright > 0.35:
+            if not bright > FAINT:
                 fault = 1
-            if not shape < 1.8:
+            if not shape < LONG:
                 fault = 2
-            if not (size > 0.6 and size < 1.6):
+            if not SMALL < size < LARGE:
                 fault = 3
             if border[s]:
                 fault = 4
@@ -158,5 +163,5 @@ def choose(
                     second = distance
         if chosen[m] < 0:
             why[m] = why[m] if within else 0
-        elif second < max(2.5 * first, 0.15):
+        elif second < max(ALONE * first, APART):
             chosen[m], why[m] = -1, 5
