@@ -20,7 +20,7 @@ ellipse.py        centres by the fit of a blurred ellipse
 centroid.py       weighted centroid, its covariance, the image's noise
 defocus.py        blur that changes across a dot, and what it draws
 rows.py           how far whole rows of the image are shifted
-eccentricity.py   the middle of an ellipse is not the image of the circle's centre
+circles.py        the middle of an ellipse is not the image of the circle's centre
 projector.py      projector coordinates from the phase maps
 single.py         what an operator sees while picking: the dot at hand, the predicted grid
 propose.py        a guess of the picks: the dots in order, laid onto the testfield
@@ -32,7 +32,7 @@ features.py       edges of the evenly lit image on the measured surface: holes, 
 kernels.py        the two loops over pixels
 """
 
-from core.measure.eccentricity import eccentricity, recentred
+from core.measure.circles import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
 from core.measure.features import find_circles, measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of

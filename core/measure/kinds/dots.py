@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.measure.blobs import find_blobs
 from core.measure.board import Board
 from core.measure.centroid import centroids, noise_model
-from core.measure.eccentricity import NOMINAL_SHARE, eccentricity, recentred, tangents, uncertain
+from core.measure.circles import NOMINAL_SHARE, eccentricity, recentred, tangents, uncertain
 from core.measure.estimators import ESTIMATORS
 from core.measure.faults import half_lit, shape_faults
 from core.measure.grow import Lattice
