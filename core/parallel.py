@@ -125,7 +125,7 @@ def on_processes(
     """
     copies_at_once = min(most or THREADS, count)
     if copies_at_once < 2 or not can_fork(count):
-        yield from (work(k, progress.part(k / count, (k + 1) / count)) for k in range(count))
+        yield from map(work, range(count), progress.parts(count))
         return
     import multiprocessing
     from multiprocessing.connection import wait as wait_for

@@ -67,6 +67,10 @@ class Progress:
             lambda f, message: self.report(start + f * (stop - start), message), self.cancelled, self.course
         )
 
+    def parts(self, count: int) -> list[Progress]:
+        """Give the channels for as many parts of the work, all equally long."""
+        return [self.part(k / count, (k + 1) / count) for k in range(count)]
+
     def quiet(self) -> Progress:
         """Give a channel that tells nothing and still stops the work: for parts too short to be reported."""
         return Progress(cancelled=self.cancelled)

@@ -100,8 +100,8 @@ def import_frames(
         files = _listed(folder, files, spec)
     _check_count(folder, files, spec, patterns, lines)
     series = []
-    for i, (plan, (whose, own)) in enumerate(zip(plans, parts, strict=True)):
-        part = progress.part(0.9 * i / len(plans), 0.9 * (i + 1) / len(plans))
+    steps = progress.part(0.0, 0.9).parts(len(plans))
+    for plan, (whose, own), part in zip(plans, parts, steps, strict=True):
         series.append(_read(project, plan, whose, [files[k] for k in own or range(len(files))], by, decoded, part))
     progress.check()
     converted = _write(target, series, str(folder.resolve()))

@@ -75,15 +75,14 @@ def decode_words(
         result = others(rest)
     first = len(worded) == 2 or not any(axis_of(patterns[i]) for i in rest)
     drawn, none = np.full((2, 2, height, width), np.nan, np.float32), no_axis()
-    for number, axis in enumerate(worded):
-        part = progress.part(number / len(worded), (number + 1) / len(worded))
+    for axis, part in zip(worded, progress.parts(len(worded)), strict=True):
         book = book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
         seen = [images[i] for i in book.frames]
         sample = take_sample(seen)
         full = full_scale(seen, tuple(range(len(seen))), sample, options)
         place, sigma, modulation, image, bad, noise, word, second = _decode_axis(book, images, full, options, part)
         u, lack = axis == "x", Flag.NO_U if axis == "x" else Flag.NO_V
-        alone = first and number == 0
+        alone = first and axis == worded[0]
         lost = bad | np.where(np.isnan(place), np.uint8(lack), np.uint8(0))
         drop_islands(place, sigma, lost, lack, ALIKE, Flag.UNSURE)
         drawn[:, 0 if u else 1] = place, sigma

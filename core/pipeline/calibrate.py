@@ -136,7 +136,7 @@ def _calibrated(
     found: dict[Method, Calibrated] = {}
     failures: dict[Method, AdjustmentError] = {}
     there = dict(held)
-    parts = {name: progress.part(i / len(due), (i + 1) / len(due)) for i, name in enumerate(due)}
+    parts = dict(zip(due, progress.parts(len(due)), strict=True))
     looks = {name: look(project, due[name], options) for name in due if (look := METHODS[name].looks)}
     with taken_together(project, [*looks.values()], [parts[name].part(0.0, 0.8) for name in looks]) as taken:
         seen = dict(zip(looks, taken, strict=True))

@@ -82,10 +82,9 @@ def decoded_from(project: Project, capture: Capture, contents: Contents | Look |
 def measured_from(project: Project, capture: Capture, side: str, contents: Contents | Look | None = None) -> Record:
     """Record what the targets of one capture follow from: what decoding reads, picks, board and rig."""
     contents = contents or contents_of(project.path)
-    rig = {key: value for key, value in rig_values(project).items() if not key.startswith(("scale.", "lengths."))}
     return {
         "methods": versions("decode", "measure"),
-        "rig": rig,
+        "rig": _unscaled(rig_values(project)),
         "captures": {capture.name: {**_shown(capture, contents), **_picked(capture), "side": side}},
     }
 
@@ -106,8 +105,6 @@ def calibrated_from(
     contents = contents or contents_of(project.path)
     contents.learn(frame.place for capture in captures for frame in capture.frames)
     rig = rig_values(project)
-    if not method.scaled:
-        rig = {key: value for key, value in rig.items() if not key.startswith(("scale.", "lengths."))}
     used: Record = {}
     for capture in captures:
         used[capture.name] = {**_shown(capture, contents), **_picked(capture), "side": side}
@@ -115,7 +112,7 @@ def calibrated_from(
             used[capture.name]["z_mm"] = capture.z_mm
     return {
         "methods": versions("decode", "measure", "calibrate"),
-        "rig": rig,
+        "rig": rig if method.scaled else _unscaled(rig),
         "options": {name: _plain(value) for name in method.options if (value := getattr(options, name)) != ""},
         "captures": used,
         **({"results": {f"{name} calibration": hash_value(record) for name, record in read.items()}} if read else {}),
@@ -168,11 +165,13 @@ _MEASURED = ("picks", "board", "side", "z_mm", "angle_deg")
 
 
 def _frame_values(rig: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        key: value
-        for key, value in rig.items()
-        if not key.startswith(("scale.", "lengths.")) and not any(part in _NOT_IN_FRAMES for part in key.split("."))
-    }
+    """What decoding knows of a rig."""
+    return {k: v for k, v in _unscaled(rig).items() if not any(part in _NOT_IN_FRAMES for part in k.split("."))}
+
+
+def _unscaled(rig: Mapping[str, Any]) -> dict[str, Any]:
+    """A rig without its known lengths."""
+    return {key: value for key, value in rig.items() if not key.startswith(("scale.", "lengths."))}
 
 
 def _shown(capture: Capture, contents: Contents | Look) -> Record:

@@ -85,9 +85,8 @@ class _Look:
         """What these frames show of where a camera sees the lines of a projector, or the pixels of another camera."""
         from core.reconstruct import seen_by_other
 
-        for i, each in enumerate(series):
+        for each, part in zip(series, progress.parts(len(series)), strict=True):
             if (each.camera, each.projector) not in self._phases:
-                part = progress.part(i / len(series), (i + 1) / len(series))
                 self._phases[each.camera, each.projector] = decode_series(each, self.project, part)
         own, *others = (self._phases[each.camera, each.projector] for each in series)
         return seen_by_other(own, others[0]) if others else own
@@ -238,8 +237,7 @@ def orient_pairs(
     because = f"the calibration in use is of {', '.join(calibration.devices)} alone"
     untold = {pair: because for pair in pairs if pair not in known_pairs} if calibration.projectors else {}
     wanted = replace(wanted, significance=significance / len(known_pairs))
-    for i, pair in enumerate(known_pairs):
-        part = progress.part(i / len(known_pairs), (i + 1) / len(known_pairs))
+    for pair, part in zip(known_pairs, progress.parts(len(known_pairs)), strict=True):
         try:
             found.append(_orient(look, look.series(*pair), wanted, part))
         except TooLittleSeenError as error:

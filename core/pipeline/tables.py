@@ -115,10 +115,9 @@ def export_deviations(
 ) -> list[Path]:
     """Write ``deviations-CAPTURE-METHOD.csv``, every pixel of every plane, named as profiles are; give the files."""
     files = []
-    for i, evaluation in enumerate(evaluations):
+    for evaluation, part in zip(evaluations, progress.parts(len(evaluations)), strict=True):
         of = f"{evaluation.capture}-{evaluation.method}{_named(project, evaluation.devices)}"
         files.append(out / f"deviations-{of}.csv")
-        part = progress.part(i / len(evaluations), (i + 1) / len(evaluations))
         write_deviations_csv(files[-1], evaluation, project.rig.cameras[evaluation.devices[0]], part)
     return files
 

@@ -118,9 +118,5 @@ def joint_clouds(
 
     known = intersectable(phases, calibration)
     wanted = [name for name in dict.fromkeys(phase.camera for phase in known) if camera in ("", name)]
-    return {
-        each: intersect_all(
-            known, calibration, each, rays=rays, progress=progress.part(i / len(wanted), (i + 1) / len(wanted))
-        )
-        for i, each in enumerate(wanted)
-    }
+    parts = zip(wanted, progress.parts(len(wanted)), strict=True)
+    return {each: intersect_all(known, calibration, each, rays=rays, progress=part) for each, part in parts}

@@ -22,7 +22,7 @@ from core.lazy import dataclass
 from core.model import Array, Floats, PhotogrammetricCalibration, PointCloud
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
-from core.reconstruct.joint import Along, Scene, Sight, Terms, by_calibration
+from core.reconstruct.joint import Scene, Sight, Terms, by_calibration
 from core.reconstruct.matching import FOUND, REACH_PX, match_windows
 from core.reconstruct.placed import Device, placed
 from core.reconstruct.rays import camera_rays
@@ -78,7 +78,6 @@ def fill_by_texture(
     calibration: PhotogrammetricCalibration,
     camera: str,
     *,
-    along: Along = "camera",
     progress: Progress = SILENT,
 ) -> PointCloud:
     """Add points that two cameras see alike where none was decoded; their `sight` is `Sight.TEXTURE`.
@@ -89,9 +88,6 @@ def fill_by_texture(
         Of the pixels of `camera`, with `sight`; of the other cameras by name, each in its own frame.
     images : mapping
         Grey values (H, W) of all of them in the same light, NaN where they are not known.
-    along : {"camera", "base"}
-        The axes of sigmas, as `cloud` has them. Those of matched points are from the grey values' misfit and the
-        calibration's covariance.
 
     Raises
     ------
@@ -100,7 +96,8 @@ def fill_by_texture(
 
     Notes
     -----
-    Neighbouring matched points share most of their windows: their errors hang together over some `HALF` pixels.
+    Sigmas are from the grey values' misfit and the calibration's covariance, along the camera's axes, as `cloud` has
+    them. Neighbouring matched points share most of their windows: their errors hang together over some `HALF` pixels.
     """
     if not others:
         raise InputError("--fill texture", "the capture was seen by one camera alone", "leave it out")
@@ -110,9 +107,8 @@ def fill_by_texture(
     wanted = (covered := object_of(cloud)) & np.isnan(q) & np.isfinite(rays).all(axis=-1)
     best = np.full(q.shape, np.inf)
     xyz, sigma, depth, sight = (np.array(a) for a in (cloud.xyz_mm, cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight))
-    for k, (name, other) in enumerate(others.items()):
-        part = progress.part(k / len(others), (k + 1) / len(others))
-        scene = _Match(devices, (), camera, "all", along, name, devices)
+    for (name, other), part in zip(others.items(), progress.parts(len(others)), strict=True):
+        scene = _Match(devices, (), camera, "all", "camera", name, devices)
         there, variance = _matched(scene, (images[camera], images[name]), rays, q, wanted, part)
         _refuse_elsewhere(scene, other, there)
         better = np.isfinite(there) & (variance < best)
