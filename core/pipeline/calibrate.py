@@ -19,11 +19,11 @@ from core.model import (
 )
 from core.pipeline.decode import taken_together
 from core.pipeline.evidence import Evidence
-from core.pipeline.folders import all_captures
+from core.pipeline.folders import all_captures, result_path
 from core.pipeline.inputs import Record, calibrated_from
 from core.pipeline.judge import judge_adjustment, judge_calibrations
 from core.pipeline.measure import save_targets, side_of
-from core.pipeline.method import Calibrated
+from core.pipeline.method import ADJUSTMENT, Calibrated
 from core.pipeline.methods import METHODS, archives_of, calibration_figures, method_of, shares
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_target_sets
@@ -267,6 +267,13 @@ def photogrammetric_calibration(project: Project) -> PhotogrammetricCalibration:
             return calibration
     remedy = "run `stripe-core calibrate --method photogrammetric` on it first"
     raise InputError(project.path, "no photogrammetric calibration", remedy)
+
+
+def load_adjustment(project: Project) -> Adjustment:
+    """Read the adjustment that the calibration in use of the devices is of."""
+    path = calibration_file(project, ADJUSTMENT) or result_path(project, ADJUSTMENT)
+    found: Adjustment = load_archive(path, Adjustment)
+    return found
 
 
 def _check_rig(path: Path, devices: Sequence[tuple[str, DeviceSpec, DeviceSpec]]) -> None:

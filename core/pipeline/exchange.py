@@ -14,6 +14,7 @@ from core.errors import InputError
 from core.model import Adjustment, Concern, Network, NetworkDevice, PhotogrammetricCalibration, Project, verdict_of
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.folders import captures_of, check_names
+from core.pipeline.method import ADJUSTMENT
 from core.pipeline.methods import calibration_figures
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.picking import current_target_sets
@@ -84,7 +85,7 @@ def import_calibration(
         figures=calibration_figures({"photogrammetric": calibration}),
         name=f"imported from {path.name}",
     )
-    keep_run(project, run, {"photogrammetric.npz": calibration, "adjustment.npz": _no_adjustment(calibration)})
+    keep_run(project, run, {"photogrammetric.npz": calibration, ADJUSTMENT: _no_adjustment(calibration)})
     return calibration
 
 

@@ -15,6 +15,7 @@ from core.model import Capture, Method, Project
 from core.pipeline.folders import result_path
 from core.pipeline.inputs import Record, reported_from
 from core.pipeline.measure import BOARDS, side_of
+from core.pipeline.method import ADJUSTMENT
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import Run, calibration_file, calibration_hashes, current_run
 from core.pipeline.signed import signed_state
@@ -127,7 +128,7 @@ def reported_now(project: Project, contents: Look | None = None) -> Record:
     contents = contents or Look(contents_of(project.path))
     files = {
         "evaluation": result_path(project, "evaluation.npz"),
-        "adjustment": calibration_file(project, "adjustment.npz"),
+        "adjustment": calibration_file(project, ADJUSTMENT),
     }
     hashes = {name: contents.of(path) for name, path in files.items() if path is not None and path.exists()}
     hashes |= {"sign-off": signed} if (signed := signed_state(project)) else {}

@@ -25,6 +25,8 @@ from core.pipeline.evidence import Evidence
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
+ADJUSTMENT = "adjustment.npz"  # beside a calibration of the devices: the network that it was adjusted from
+
 
 @dataclass(frozen=True)
 class Calibrated:

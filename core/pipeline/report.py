@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from core.atomic import check_place
 from core.errors import InputError
 from core.model import (
-    Adjustment,
     DepthCalibration,
     DriftPoint,
     Method,
@@ -20,7 +19,7 @@ from core.model import (
     PlaneEvaluation,
     Project,
 )
-from core.pipeline.calibrate import load_calibrations
+from core.pipeline.calibrate import load_adjustment, load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path
 from core.pipeline.graph import Graph, project_states
@@ -29,11 +28,10 @@ from core.pipeline.merge import kept_registration
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import drift_of
 from core.pipeline.picking import current_target_sets
-from core.pipeline.runs import calibration_file
 from core.pipeline.signed import load_sign_off
 from core.pipeline.volumes import volume_of_calibration
 from core.progress import SILENT, Progress
-from core.project import load_archive, write_json
+from core.project import write_json
 from core.project.contents import hash_file
 from core.project.lock import read_only, writing_results
 
@@ -65,8 +63,7 @@ def _result_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> 
     calibrations = parts_of_report(load_calibrations(project))
     calibration, adjustment, volume = calibrations["photogrammetric"], None, None
     if calibration is not None:
-        path = calibration_file(project, "adjustment.npz") or result_path(project, "adjustment.npz")
-        adjustment = load_archive(path, Adjustment)
+        adjustment = load_adjustment(project)
         if calibration.covariance.any() and calibration.projectors:
             volume = volume_of_calibration(calibration, adjustment)
         if not len(adjustment.residuals):

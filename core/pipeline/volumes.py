@@ -22,11 +22,10 @@ from core.model import (
     verdict_of,
 )
 from core.pipeline.calibrate import photogrammetric_calibration
+from core.pipeline.method import ADJUSTMENT
 from core.pipeline.runs import archive_of, calibration_file
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_project
-
-PHOTOGRAMMETRIC, ADJUSTMENT = "photogrammetric.npz", "adjustment.npz"
 
 
 def volume_figures(
@@ -178,7 +177,7 @@ def _kept(project: Project, run: int | None) -> tuple[PhotogrammetricCalibration
     if run is None:
         calibration, path = photogrammetric_calibration(project), calibration_file(project, ADJUSTMENT)
     else:
-        kept = archive_of(project, "photogrammetric", PHOTOGRAMMETRIC, run)
+        kept = archive_of(project, "photogrammetric", "photogrammetric.npz", run)
         if kept is None:
             raise InputError(
                 project.path, f"no photogrammetric calibration of run {run}", "`stripe-core runs` lists all"

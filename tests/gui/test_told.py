@@ -19,7 +19,7 @@ from stripe_gui.presenters.told import speak, told
 
 ROOMS = """
 checks/* pipeline/differences pipeline/graph pipeline/causes pipeline/evidence pipeline/judge pipeline/states
-pipeline/holdings pipeline/inputs pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_words
+pipeline/holdings pipeline/inputs pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_known pipeline/orient_words
 pipeline/methods/* pipeline/volumes
 calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/held
 calibrate/next_pose

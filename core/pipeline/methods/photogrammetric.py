@@ -25,11 +25,9 @@ from core.model import (
 from core.pipeline.decode import Look
 from core.pipeline.evidence import Evidence, because_of, notes_of
 from core.pipeline.measure import common_testfield, look_at_boards
-from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
+from core.pipeline.method import ADJUSTMENT, Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
-
-ADJUSTMENT = "adjustment.npz"
 
 
 def _look(project: Project, captures: list[Capture], options: CalibrateOptions) -> Look:

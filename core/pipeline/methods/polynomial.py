@@ -30,11 +30,10 @@ from core.model import (
 from core.pipeline.decode import Look
 from core.pipeline.evidence import Evidence, because_of, lengths_of
 from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
-from core.pipeline.method import Calibrated, CalibrationMethod, Judgement, intersected
+from core.pipeline.method import ADJUSTMENT, Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
-ADJUSTMENT = "adjustment.npz"  # beside the photogrammetric calibration
 RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
 
 
