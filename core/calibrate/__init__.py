@@ -7,10 +7,11 @@ Photogrammetric, by bundle adjustment:
   approximate values for them;
 * `equations` holds the observation equations with their derivatives, `normals` the normal equations, which
   `elimination` solves without the poses or, where there are very many points, without these;
-* `datum` holds the inner constraints, `iterate` the way to the solution;
+* `datum` holds the inner constraints, `iterate` the way to the solution, `solve` all that is known of it;
 * `shared` adds to the covariances what the targets of an image have in common;
 * `covariance` and `snooping` judge it, `weakness` says in words what the network does not determine, `held` what is
-  held and should not be, `rigid` whether the rig was rigid; `adjust` and `photogrammetric` put it all together;
+  held and should not be, `rigid` whether the rig was rigid; `adjust`, which tries what helps where a solution does not
+  fit, and `photogrammetric` put it all together;
 * `left_out` says what the other captures foresee of one, `next_pose` what one more would bring;
 
 Depth, per pixel: the files that begin with `depth`.

@@ -10,16 +10,14 @@ from functools import cached_property
 import numpy as np
 
 from core.calibrate.columns import without_unobservable
-from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
-from core.calibrate.equations import Equations, cost_of, linearise, misclosures
+from core.calibrate.equations import cost_of
 from core.calibrate.from_images import dimensions, located_by_images
 from core.calibrate.groups import without, wrong_group
 from core.calibrate.held import held_concerns
 from core.calibrate.initial import initial_state, misplaced, oriented_anew
-from core.calibrate.iterate import NotConvergedError, iterate
-from core.calibrate.normals import Inverse, SingularNormalsError
+from core.calibrate.normals import SingularNormalsError
 from core.calibrate.options import DEFAULT, AdjustOptions
-from core.calibrate.problem import Problem, problem_of, weighted_problem
+from core.calibrate.problem import Problem, problem_of
 from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network
 from core.calibrate.snooping import (
@@ -32,55 +30,24 @@ from core.calibrate.snooping import (
     sizes,
     within_images,
 )
-from core.calibrate.state import State, interior_of, station_orientations
+from core.calibrate.solve import DOUBTED, FITTING, SettledError, Solved, result_of, solve
+from core.calibrate.state import State
 from core.calibrate.weakness import (
-    ORIENTATION,
     BehindError,
     MirroredError,
-    UndeterminedError,
     behind_warning,
-    check_estimable,
-    contradicted_error,
     geometry_warnings,
-    singular_error,
-    unsolved_error,
     usual_variance,
 )
 from core.errors import AdjustmentError
-from core.geometry import LENSES, Pose
 from core.lazy import dataclass
-from core.model import AdjustedDevice, Adjustment, Array, Concern, Network
+from core.model import Adjustment, Array, Concern, Network
 from core.progress import SILENT, Progress
 
-FACTOR_TOLERANCE = 1e-4  # relative change at which variance components have settled
-FACTOR_ROUNDS = 20
-FITTING = 10.0  # σ0 at most of a network that explains its images
-DOUBTED = 3.0  # σ0 of a solution beyond which another one is looked for
-UNEVEN = 2.0  # its square over that of the bulk of the observations, likewise
+UNEVEN = 2.0  # variance of a solution over that of the bulk of its observations, likewise
 ORIENTED = 3  # times
 SAME = 1e-6  # share by which the variances of one and the same solution differ
 SAME_START = 1e-3  # and vᵀPv of approximate values that lead nowhere else
-LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
-
-
-@dataclass(frozen=True)
-class Solved:
-    """A solution with its inverse, in the problem's own order."""
-
-    network: Network
-    problem: Problem
-    state: State
-    equations: Equations
-    inverse: Inverse
-    redundancy_numbers: Array
-    convergence: tuple[float, ...]
-    factors: dict[str, float]
-    weaknesses: tuple[str, ...] = ()
-
-    @property
-    def variance(self) -> float:
-        """A posteriori variance of unit weight, sigma0²."""
-        return self.equations.cost / self.problem.redundancy
 
 
 @dataclass(frozen=True)
@@ -100,13 +67,6 @@ class _Start:
     def robust(self) -> State:
         """What the bulk of the observations agrees on, from there."""
         return robust_state(self.problem, self.state)
-
-
-class _SettledError(AdjustmentError):
-    """No station is turned over, no image mirrored, and nothing else need be tried.
-
-    Single observations alone keep a network from being solved, or it explains its images and determines too little.
-    """
 
 
 def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Progress = SILENT) -> Adjustment:
@@ -136,7 +96,7 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     check_network(network)
     try:
         return _solved(network, options, progress)
-    except _SettledError:
+    except SettledError:
         raise
     except AdjustmentError:
         extent = dimensions(network.point_xyz_mm)
@@ -167,7 +127,7 @@ def explained(network: Network, options: AdjustOptions) -> bool:
     try:
         solved, _ = _solved(network, replace(options, variance_components=False, reject_beyond=None), SILENT)
     except AdjustmentError as error:
-        return isinstance(error, _SettledError)
+        return isinstance(error, SettledError)
     return usual_variance(solved.problem, solved.equations) < DOUBTED**2
 
 
@@ -249,7 +209,7 @@ def _solve_somehow(start: _Start, options: AdjustOptions, progress: Progress) ->
     failure: AdjustmentError | None = None
     try:
         best = _solve_despite(start, options, progress)
-    except _SettledError:
+    except SettledError:
         raise
     except AdjustmentError as error:
         failure = error
@@ -286,8 +246,8 @@ def _solve_despite(
     """
     network, problem = start.network, start.problem
     try:
-        return _solve(network, problem, start.state, options, progress), 0, []
-    except _SettledError:
+        return solve(network, problem, start.state, options, progress), 0, []
+    except SettledError:
         raise
     except AdjustmentError as failure:
         if isinstance(failure, BehindError) and passes:
@@ -302,9 +262,9 @@ def _solve_despite(
                 raise failure
             if options.reject_beyond is None:
                 with suppress(AdjustmentError):
-                    return _solve(network, problem, start.robust, options, progress), 0, []
+                    return solve(network, problem, start.robust, options, progress), 0, []
             smaller, rest, state, warnings = without(network, problem, start.robust, bad)
-            solved = _solve(smaller, rest, state, options, progress)
+            solved = solve(smaller, rest, state, options, progress)
         except (SingularNormalsError, AdjustmentError):
             raise failure from None
         if options.reject_beyond is None:
@@ -312,7 +272,7 @@ def _solve_despite(
             of = network.observation_station
             single = np.all(2 * np.bincount(of[bad], minlength=of.max() + 1) < np.bincount(of).clip(1))
             if single and not _doubted(solved):
-                raise _SettledError(error.where, error.seen, error.remedy) from None
+                raise SettledError(error.where, error.seen, error.remedy) from None
             raise error from None
         return solved, len(bad), warnings
 
@@ -325,114 +285,3 @@ def _sizes_of_errors(solved: Solved) -> Array:
         with suppress(SingularNormalsError):
             return misfits(solved.problem, robust_state(solved.problem, solved.state))
     return size
-
-
-def _solve(network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress) -> Solved:
-    """Least-squares solution with all that is known of it; variance components iterated where asked."""
-    factors = dict.fromkeys(problem.device_names, 1.0)
-    convergence: tuple[float, ...] = ()
-    weighted = problem
-    for round_ in range(FACTOR_ROUNDS if options.variance_components else 1):
-        try:
-            solution = iterate(
-                weighted,
-                state,
-                max_iterations=options.max_iterations,
-                tolerance=options.tolerance,
-                progress=progress,
-            )
-            state = solution.state
-            inverse = solution.reduced.invert(weighted)
-        except SingularNormalsError as error:
-            raise singular_error(network, weighted, state, error) from None
-        except NotConvergedError as error:
-            why = unsolved_error(network, weighted, error)
-            raise _settled(why, error.convergence[-1] / weighted.redundancy) from None
-        convergence = convergence or solution.convergence
-        # derivatives where the inverse has them, before the last, tiny step
-        J = linearise(weighted, solution.reduced.state).J
-        equations = Equations(misclosures(weighted, state), J, solution.cost)
-        numbers = redundancy_numbers(weighted, equations, inverse)
-        solved = Solved(network, weighted, state, equations, inverse, numbers, convergence, dict(factors))
-        if not options.variance_components:
-            break
-        settled = True
-        for d, name in enumerate(problem.device_names):
-            own = problem.device == d
-            if not own.any():
-                continue
-            before = factors[name]
-            factors[name] = max(before * float(np.sum(equations.w[own] ** 2) / np.nansum(numbers[own])), LEAST_FACTOR)
-            settled &= abs(factors[name] / before - 1) < FACTOR_TOLERANCE
-        if settled:
-            break
-        weighted = weighted_problem(network, factors)
-        progress(min(round_ / 5, 1.0), "variance components")
-    try:
-        weaknesses = check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
-    except UndeterminedError as error:
-        raise _settled(error, max(factors.values()) * solved.variance) from None
-    return replace(solved, weaknesses=tuple(weaknesses))
-
-
-def _settled(error: AdjustmentError, variance: float) -> AdjustmentError:
-    """Turn what other starts need not be tried for into a `_SettledError`, and tell misfit from weakness.
-
-    `variance` is what is left by the sigmas given.
-    """
-    if isinstance(error, UndeterminedError) and variance < DOUBTED**2:
-        return _SettledError(error.where, error.seen, error.remedy)
-    if isinstance(error, UndeterminedError) and variance > FITTING**2:
-        return contradicted_error(error, variance**0.5)
-    return error
-
-
-def result_of(solved: Solved, warnings: Warnings) -> Adjustment:
-    """Put a solution into the order and units of its network."""
-    problem, network = solved.problem, solved.network
-    back = np.argsort(problem.order)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        residuals = np.where(problem.root_weight > 0, solved.equations.w / problem.root_weight, np.nan)
-    cov = solved.variance * global_cofactors(problem, solved.inverse)
-    sigmas = np.sqrt(np.diagonal(cov))
-    devices: dict[str, AdjustedDevice] = {}
-    names: list[str] = []
-    for d, name in enumerate(problem.device_names):
-        spec = network.devices[name].spec
-        own = residuals[problem.device == d] * spec.pitch_mm * 1e3
-        rms = [float(np.sqrt(np.mean(c[np.isfinite(c)] ** 2))) if np.isfinite(c).any() else 0.0 for c in own.T]
-        devices[name] = AdjustedDevice(
-            spec=spec,
-            interior=interior_of(problem, solved.state, d),
-            sigma=sigmas[len(names) : len(names) + len(LENSES[spec.model].names)],
-            residual_rms_um=(rms[0], rms[1]),
-            image_points=len(own),
-        )
-        names += [f"{name}.{p}" for p in LENSES[spec.model].names]
-    point_cov = solved.variance * point_cofactors(problem, solved.inverse)
-    known = network.point_sigma_mm
-    held = np.zeros(network.point_xyz_mm.shape, bool) if known is None else known == 0
-    relative = {}
-    for d, name in enumerate(problem.device_names):
-        if problem.base[d] != d:
-            relative[name] = Pose(solved.state.relative_rotation[d], solved.state.relative_shift[d])
-            names += [f"{name}.{p}" for p in ORIENTATION]
-    return Adjustment(
-        network=network,
-        devices=devices,
-        station_from_object=station_orientations(problem, solved.state),
-        relative=relative,
-        points_mm=np.where(held, network.point_xyz_mm, solved.state.xyz + problem.origin_mm),
-        point_cov_mm2=np.where(held[:, :, None] | held[:, None, :], 0.0, point_cov),
-        residuals=residuals[back],
-        redundancy_numbers=solved.redundancy_numbers[back],
-        sigma0=float(np.sqrt(solved.variance)),
-        redundancy=problem.redundancy,
-        iterations=len(solved.convergence) - 1,
-        convergence=solved.convergence,
-        variance_factors=solved.factors,
-        parameter_names=tuple(names),
-        parameter_cov=cov,
-        warnings=tuple(w.text if isinstance(w, Concern) else w for w in warnings),
-        doubts=tuple(w for w in warnings if isinstance(w, Concern)),
-    )

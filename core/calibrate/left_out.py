@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.adjust import Solved, solve_network
+from core.calibrate.adjust import solve_network
 from core.calibrate.normals import reduced_equations
 from core.calibrate.options import AdjustOptions
+from core.calibrate.solve import Solved
 from core.calibrate.weakness import ORIENTATION
 from core.errors import InputError
 from core.geometry import LENSES

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.adjust import Solved
 from core.calibrate.covariance import pose_cofactors
 from core.calibrate.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem, problem_of, weighted_problem
+from core.calibrate.solve import Solved
 from core.calibrate.state import State
 from core.calibrate.weakness import singular_error, unsolved_error
 from core.errors import AdjustmentError, InputError

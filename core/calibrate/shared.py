@@ -14,8 +14,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.adjust import Solved
 from core.calibrate.equations import GLOBALS, POINT, POSE
+from core.calibrate.solve import Solved
 from core.model import Ints, Network, TargetSet
 
 

@@ -18,16 +18,13 @@ from core.resources import resource
 from stripe_gui.presenters.told import speak, told
 
 ROOMS = """
-checks/* pipeline/differences pipeline/graph pipeline/causes pipeline/evidence pipeline/judge pipeline/states
-pipeline/holdings pipeline/inputs pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_known pipeline/orient_words
-pipeline/methods/* pipeline/volumes
-calibrate/adjust calibrate/columns calibrate/depth calibrate/depth_camera calibrate/groups calibrate/held
-calibrate/next_pose
-calibrate/photogrammetric
-calibrate/rigid calibrate/selection calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/*
-measure/kinds/* orient/motion exchange/pinhole
-capture/fitness capture/quality capture/identity capture/mistakes capture/preflight
-report/words report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
+checks/* pipeline/graph pipeline/evidence pipeline/judge pipeline/states pipeline/holdings pipeline/inputs
+pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_known pipeline/orient_words pipeline/methods/*
+pipeline/volumes calibrate/adjust calibrate/solve calibrate/columns calibrate/depth calibrate/depth_camera
+calibrate/groups calibrate/held calibrate/next_pose calibrate/photogrammetric calibrate/rigid calibrate/selection
+calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/* measure/kinds/* orient/motion exchange/pinhole
+capture/fitness capture/quality capture/identity capture/mistakes capture/preflight report/words report/numbers
+report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
 """
 # calls that show no reason
 REFUSED = re.compile(r"Error$|^(_refuse|progress|picked|re\.compile|getLogger)|warning$|\.over$|\.part$")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import AdjustOptions, adjust
-from core.calibrate.adjust import _settled
+from core.calibrate.solve import settled
 from core.calibrate.weakness import UndeterminedError
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_axis_angle
@@ -219,7 +219,7 @@ def test_a_station_without_observations_is_told_once(simulate):
 
 @pytest.mark.parametrize(("ratio", "contradict"), [(2.0, False), (40.0, True)])
 def test_images_that_contradict_each_other_are_told_from_weak_geometry(ratio: float, contradict: bool) -> None:
-    told = str(_settled(UndeterminedError("the network", "c cannot be estimated", "roll the camera"), ratio**2))
+    told = str(settled(UndeterminedError("the network", "c cannot be estimated", "roll the camera"), ratio**2))
     words = (
         "its images contradict each other: residuals are 40 times what their sigmas allow, and c cannot be estimated"
     )

@@ -1,0 +1,173 @@
+"""One least-squares solution of a network, its variance components, and what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
+from core.calibrate.equations import Equations, linearise, misclosures
+from core.calibrate.iterate import NotConvergedError, iterate
+from core.calibrate.normals import Inverse, SingularNormalsError
+from core.calibrate.options import AdjustOptions
+from core.calibrate.problem import Problem, weighted_problem
+from core.calibrate.selection import Warnings
+from core.calibrate.state import State, interior_of, station_orientations
+from core.calibrate.weakness import (
+    ORIENTATION,
+    UndeterminedError,
+    check_estimable,
+    contradicted_error,
+    singular_error,
+    unsolved_error,
+)
+from core.errors import AdjustmentError
+from core.geometry import LENSES, Pose
+from core.lazy import dataclass
+from core.model import AdjustedDevice, Adjustment, Array, Concern, Network
+from core.progress import Progress
+
+FACTOR_TOLERANCE = 1e-4  # relative change at which variance components have settled
+FACTOR_ROUNDS = 20
+FITTING = 10.0  # σ0 at most of a network that explains its images
+DOUBTED = 3.0  # σ0 of a solution beyond which another one is looked for
+LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A solution with its inverse, in the problem's own order."""
+
+    network: Network
+    problem: Problem
+    state: State
+    equations: Equations
+    inverse: Inverse
+    redundancy_numbers: Array
+    convergence: tuple[float, ...]
+    factors: dict[str, float]
+    weaknesses: tuple[str, ...] = ()
+
+    @property
+    def variance(self) -> float:
+        """A posteriori variance of unit weight, sigma0²."""
+        return self.equations.cost / self.problem.redundancy
+
+
+class SettledError(AdjustmentError):
+    """No station is turned over, no image mirrored, and nothing else need be tried.
+
+    Single observations alone keep a network from being solved, or it explains its images and determines too little.
+    """
+
+
+def solve(network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress) -> Solved:
+    """Least-squares solution with all that is known of it; variance components iterated where asked."""
+    factors = dict.fromkeys(problem.device_names, 1.0)
+    convergence: tuple[float, ...] = ()
+    weighted = problem
+    for round_ in range(FACTOR_ROUNDS if options.variance_components else 1):
+        try:
+            solution = iterate(
+                weighted,
+                state,
+                max_iterations=options.max_iterations,
+                tolerance=options.tolerance,
+                progress=progress,
+            )
+            state = solution.state
+            inverse = solution.reduced.invert(weighted)
+        except SingularNormalsError as error:
+            raise singular_error(network, weighted, state, error) from None
+        except NotConvergedError as error:
+            why = unsolved_error(network, weighted, error)
+            raise settled(why, error.convergence[-1] / weighted.redundancy) from None
+        convergence = convergence or solution.convergence
+        # derivatives where the inverse has them, before the last, tiny step
+        J = linearise(weighted, solution.reduced.state).J
+        equations = Equations(misclosures(weighted, state), J, solution.cost)
+        numbers = redundancy_numbers(weighted, equations, inverse)
+        solved = Solved(network, weighted, state, equations, inverse, numbers, convergence, dict(factors))
+        if not options.variance_components:
+            break
+        steady = True
+        for d, name in enumerate(problem.device_names):
+            own = problem.device == d
+            if not own.any():
+                continue
+            before = factors[name]
+            factors[name] = max(before * float(np.sum(equations.w[own] ** 2) / np.nansum(numbers[own])), LEAST_FACTOR)
+            steady &= abs(factors[name] / before - 1) < FACTOR_TOLERANCE
+        if steady:
+            break
+        weighted = weighted_problem(network, factors)
+        progress(min(round_ / 5, 1.0), "variance components")
+    try:
+        weaknesses = check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
+    except UndeterminedError as error:
+        raise settled(error, max(factors.values()) * solved.variance) from None
+    return replace(solved, weaknesses=tuple(weaknesses))
+
+
+def settled(error: AdjustmentError, variance: float) -> AdjustmentError:
+    """Turn what other starts need not be tried for into a `SettledError`, and tell misfit from weakness.
+
+    `variance` is what is left by the sigmas given.
+    """
+    if isinstance(error, UndeterminedError) and variance < DOUBTED**2:
+        return SettledError(error.where, error.seen, error.remedy)
+    if isinstance(error, UndeterminedError) and variance > FITTING**2:
+        return contradicted_error(error, variance**0.5)
+    return error
+
+
+def result_of(solved: Solved, warnings: Warnings) -> Adjustment:
+    """Put a solution into the order and units of its network."""
+    problem, network = solved.problem, solved.network
+    back = np.argsort(problem.order)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        residuals = np.where(problem.root_weight > 0, solved.equations.w / problem.root_weight, np.nan)
+    cov = solved.variance * global_cofactors(problem, solved.inverse)
+    sigmas = np.sqrt(np.diagonal(cov))
+    devices: dict[str, AdjustedDevice] = {}
+    names: list[str] = []
+    for d, name in enumerate(problem.device_names):
+        spec = network.devices[name].spec
+        own = residuals[problem.device == d] * spec.pitch_mm * 1e3
+        rms = [float(np.sqrt(np.mean(c[np.isfinite(c)] ** 2))) if np.isfinite(c).any() else 0.0 for c in own.T]
+        devices[name] = AdjustedDevice(
+            spec=spec,
+            interior=interior_of(problem, solved.state, d),
+            sigma=sigmas[len(names) : len(names) + len(LENSES[spec.model].names)],
+            residual_rms_um=(rms[0], rms[1]),
+            image_points=len(own),
+        )
+        names += [f"{name}.{p}" for p in LENSES[spec.model].names]
+    point_cov = solved.variance * point_cofactors(problem, solved.inverse)
+    known = network.point_sigma_mm
+    held = np.zeros(network.point_xyz_mm.shape, bool) if known is None else known == 0
+    relative = {}
+    for d, name in enumerate(problem.device_names):
+        if problem.base[d] != d:
+            relative[name] = Pose(solved.state.relative_rotation[d], solved.state.relative_shift[d])
+            names += [f"{name}.{p}" for p in ORIENTATION]
+    return Adjustment(
+        network=network,
+        devices=devices,
+        station_from_object=station_orientations(problem, solved.state),
+        relative=relative,
+        points_mm=np.where(held, network.point_xyz_mm, solved.state.xyz + problem.origin_mm),
+        point_cov_mm2=np.where(held[:, :, None] | held[:, None, :], 0.0, point_cov),
+        residuals=residuals[back],
+        redundancy_numbers=solved.redundancy_numbers[back],
+        sigma0=float(np.sqrt(solved.variance)),
+        redundancy=problem.redundancy,
+        iterations=len(solved.convergence) - 1,
+        convergence=solved.convergence,
+        variance_factors=solved.factors,
+        parameter_names=tuple(names),
+        parameter_cov=cov,
+        warnings=tuple(w.text if isinstance(w, Concern) else w for w in warnings),
+        doubts=tuple(w for w in warnings if isinstance(w, Concern)),
+    )
