@@ -24,9 +24,8 @@ from core.geometry import (
     pair_of,
     pixel_to_image,
     project_with_derivatives,
-    ray_directions,
-    undistort,
 )
+from core.geometry.intersection import intersect_observations
 from core.given import as_coordinates, as_device, as_image, as_numbers, as_pattern, as_sigmas, as_size
 from core.lazy import dataclass
 from core.model import (
@@ -53,8 +52,6 @@ from core.progress import SILENT, Progress
 Device = AdjustedDevice | tuple[DeviceSpec, Interior]
 
 OPENCV_FROM_OURS = Pose(np.diag([1.0, -1.0, -1.0]))
-_LEAST_SIGMA = 1e-4  # px or lines: one told smaller counts as this
-_AT_ONCE = 1 << 16  # points intersected together
 _BESIDE = 0.5  # of a raster that coordinates may lie beside it: those of a projector are extrapolated at times
 
 
@@ -335,68 +332,8 @@ def triangulate(
     observed = np.concatenate([uv, lines], axis=-1).reshape(-1, 4)
     pair = pair_of(calibration)
     S = pair.covariance if calibration_error else None
-    xyz, covariance = np.empty((len(observed), 3)), np.empty((len(observed), 3, 3))
-    for start in range(0, len(observed), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        xyz[part], covariance[part] = _intersected(pair, observed[part], sigma[part], S)
+    xyz, covariance = intersect_observations(pair, observed, sigma, S)
     return Points(xyz.reshape(*uv.shape[:-1], 3), covariance.reshape(*uv.shape[:-1], 3, 3))
-
-
-def _intersected(calibration: Pair, observed: Array, sigma: Array, S: Array | None) -> tuple[Array, Array]:
-    """Points (n, 3) and covariances (n, 3, 3) of observations (n, 4)."""
-    camera, projector, pose = calibration.camera, calibration.projector, calibration.projector_from_camera
-    known = np.isfinite(observed)
-    weight = np.where(known, 1 / np.maximum(sigma, _LEAST_SIGMA) ** 2, 0.0)
-    weight[~(known[:, 0] & known[:, 1] & (known[:, 2] | known[:, 3]))] = np.nan
-    X = _approximate(calibration, observed)
-    with np.errstate(all="ignore"):
-        for _ in range(12):
-            one = project_with_derivatives(camera.spec, camera.interior, X)
-            two = project_with_derivatives(projector.spec, projector.interior, X, pose)
-            A = np.concatenate([one.by_point, two.by_point], axis=1)
-            rest = np.where(known, observed - np.concatenate([one.uv, two.uv], axis=1), 0.0)
-            AtP = np.swapaxes(A, 1, 2) * weight[:, None, :]
-            inverse = _inverted(AtP @ A)
-            step = (inverse @ (AtP @ rest[..., None]))[..., 0]
-            X = X + step
-            if not np.any(np.abs(step).max(axis=1) > 1e-9 * np.abs(X[:, 2])):
-                break
-    covariance = inverse
-    if S is not None:
-        i, j = camera.interior.vector.size, projector.interior.vector.size
-        B = np.zeros((len(X), 4, i + j + 6))
-        B[:, :2, :i], B[:, 2:, i : i + j], B[:, 2:, i + j :] = one.by_interior, two.by_interior, two.by_pose
-        G = inverse @ AtP @ B
-        covariance = covariance + G @ S @ np.swapaxes(G, 1, 2)
-    lost = ~np.isfinite(X).all(axis=1)
-    X[lost], covariance[lost] = np.nan, np.nan
-    return X, covariance
-
-
-def _inverted(N: Array) -> Array:
-    """Inverses of symmetric matrices (n, 3, 3); NaN where there is none."""
-    good = np.isfinite(N).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(N, posinf=0, neginf=0))) > 0)
-    inverse = np.full_like(N, np.nan)
-    inverse[good] = np.linalg.inv(N[good])
-    return inverse
-
-
-def _approximate(calibration: Pair, observed: Array) -> Array:
-    """Points (n, 3) on the cameras' rays, from the projector without its distortion."""
-    camera, projector, pose = calibration.camera, calibration.projector, calibration.projector_from_camera
-    direction = ray_directions(camera.spec, camera.interior, observed[:, :2])
-    middle = (np.array([projector.spec.width, projector.spec.height]) - 1) / 2
-    filled = np.where(np.isfinite(observed[:, 2:]), observed[:, 2:], middle)
-    xy = undistort(projector.interior, pixel_to_image(projector.spec, filled))
-    R, t, c = pose.rotation, pose.translation_mm, projector.interior.c_mm
-    turned = direction @ R.T
-    # c (turned_x s + t_x) + x (turned_z s + t_z) = 0, and the same for y
-    a = c * turned[:, :2] + xy * turned[:, 2:]
-    b = -(c * t[:2] + xy * t[2])
-    use = np.isfinite(observed[:, 2:])
-    with np.errstate(all="ignore"):
-        s = np.sum(np.where(use, a * b, 0), axis=1) / np.sum(np.where(use, a * a, 0), axis=1)
-    return direction * np.where(s > 0, s, np.nan)[:, None]
 
 
 def project_points(device: Device, points_mm: ArrayLike, device_from_object: Pose | None = None) -> Projection:
