@@ -34,7 +34,7 @@ class Part:
 
 
 class PartsPage(Page):
-    """A page of parts; a subclass adds them in the constructor and calls `update_parts` when an answer has changed."""
+    """A page of parts; a subclass adds them in the constructor and calls `update_steps` when an answer has changed."""
 
     step_changed = Signal(str)
     numbered = False  # parts that are steps have a number

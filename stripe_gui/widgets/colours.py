@@ -15,7 +15,6 @@ _POINTS = {
     ],
     "deviation": ["#08306b", "#2166ac", "#4393c3", "#92c5de", "#f7f7f7", "#f4a582", "#d6604d", "#b2182b", "#67001f"],
 }  # fmt: skip
-SCALES = tuple(_POINTS)
 
 
 @cache

@@ -13,7 +13,7 @@ from PySide6.QtTest import QTest
 
 from core.model import PlaneEvaluation
 from core.report import Number, Table
-from stripe_gui.widgets.colours import SCALES, lookup, nice_ticks
+from stripe_gui.widgets.colours import lookup, nice_ticks
 from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.image_view import ImageView
 from stripe_gui.widgets.residual_view import ResidualPlot
@@ -167,7 +167,7 @@ def test_a_table_is_copied_with_its_columns(qtbot) -> None:
     assert QGuiApplication.clipboard().text().splitlines()[:2] == ["plane\tr.m.s. [mm]", "a\t0.200"]
 
 
-@pytest.mark.parametrize("name", SCALES)
+@pytest.mark.parametrize("name", ["grey", "map", "deviation"])
 def test_colour_scales_have_256_distinct_steps(name: str) -> None:
     assert len(np.unique(lookup(name), axis=0)) > 200
 
