@@ -10,7 +10,7 @@ import numpy as np
 from core.geometry import Pose, distort, image_to_pixel
 from core.measure.view import View
 from core.model import Array, DeviceSpec, Interior, TargetSet, Testfield
-from core.numerics import nearest
+from core.numerics import nearest, quadratic
 
 # uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat; when adjusted, 1 % of
 # the dots' diameter
@@ -47,7 +47,7 @@ def _tangents(targets: bytes) -> Array:
     x, y, z = (centred @ axes.T).T
     slopes, one, none = np.zeros((2, len(x))), np.ones_like(x), np.zeros_like(x)
     if len(x) >= LEAST:
-        A = np.stack([one, x, y, x * x, x * y, y * y], axis=1)
+        A = quadratic(x, y)
         fit = np.linalg.lstsq(A, z, rcond=None)[0]
         spacing = np.median(np.linalg.norm(centred[nearest(centred, 2)[:, 1]] - centred, axis=1))
         if np.std(z - A @ fit) < SMOOTH * spacing:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, median_of
+from core.numerics import MEDIAN_OF_NORMAL, median_of, quadratic
 
 LEAST = 12  # dots that tell a quadratic function
 # how much wider than a Gaussian's of its variance an edge is, squared: 1.4 for a disc, half-way to a Gaussian
@@ -42,7 +42,7 @@ def widening(uv: Array, spread: Array) -> Array:
     middle, size = uv[usable].mean(axis=0), float(np.ptp(uv[usable], axis=0).max()) / 2
     x, y = np.nan_to_num((uv - middle) / size).T
     one, none = np.ones_like(x), np.zeros_like(x)
-    A = np.stack([one, x, y, x * x, x * y, y * y], axis=1)
+    A = quadratic(x, y)
     fit = np.zeros(6)
     weight = usable / np.maximum(spread, 0.1)  # a width's sigma goes with the width
     for _ in range(5):

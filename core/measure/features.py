@@ -19,7 +19,7 @@ from core.geometry import project, ray_directions
 from core.lazy import dataclass
 from core.measure.blobs import connected_spots
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
-from core.numerics import distinct, sigma_by_median
+from core.numerics import distinct, quadratic, sigma_by_median
 
 BLUR_PX = 0.8  # where the fit begins
 REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST_REACH px at least
@@ -99,7 +99,7 @@ def measure_feature(
     whole[:k, :k], whole[k:, k:] = shape_cov, surface_cov
 
     def carried(places: Array, terms: Array) -> Array:
-        q = _terms((places - middle) / scale) @ terms
+        q = quadratic(*((places - middle) / scale).T) @ terms
         return ray_directions(camera.spec, camera.interior, places) / q[:, None]
 
     def found(p: Array) -> Array:
@@ -247,7 +247,7 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
         seen = f"{np.count_nonzero(ring)} points lie on the surface beside the edge"
         raise InputError(where, seen, "capture it with more light on the surface around it")
     z, weight = z[ring], weight[ring]
-    A, q = _terms((at[ring] - middle) / scale), -1 / z
+    A, q = quadratic(*((at[ring] - middle) / scale).T), -1 / z
     for _ in range(3):
         N = np.linalg.inv((A * weight[:, None]).T @ A)
         surface = N @ (A.T @ (weight * q))
@@ -258,11 +258,6 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
         raise InputError(where, seen, "name an edge on a plane or a slightly curved surface")
     scores = A * (np.sqrt(weight) * rest)[:, None]
     return surface, N @ (scores.T @ scores) @ N, middle, scale
-
-
-def _terms(place: Array) -> Array:
-    x, y = place.T
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
 
 
 def _by_calibration(cloud: PointCloud, uv: Array, reach_px: float) -> Array:

@@ -124,6 +124,11 @@ def row_median(values: Array | Floats) -> Array:
     return np.where(count > 0, middle, np.nan)
 
 
+def quadratic(x: Array, y: Array) -> Array:
+    """Terms 1, x, y, x², xy, y² of a quadratic surface at places (n,) each, shape (n, 6)."""
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+
+
 def normal_equations(A: Array, weight: Array, b: Array | Floats) -> tuple[Array, Array]:
     """``A' W A`` (m, p, p) and ``A' W b`` (m, p, q) of designs (m, k, p), weights (m, k), observations (m, k, q)."""
     weighted = np.swapaxes(A * weight[..., None], 1, 2)

@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 from core.geometry import project_with_derivatives, ray_directions
 from core.lazy import dataclass
 from core.model import AdjustedDevice, Array, PointCloud
+from core.numerics import quadratic
 
 LEAST_KNOWN = 0.8  # of a patch's pixels
 ROUGH = 2.0  # times the usual misfit of a patch: an edge, a crease
-
-
-def _terms(x: Array, y: Array) -> Array:
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
 
 
 @dataclass(frozen=True)
@@ -57,7 +54,7 @@ class Surface:
     def _window(self) -> tuple[NDArray, NDArray, Array]:
         """Rows and columns (k,) of a patch from its middle, and the terms (k, 6) there."""
         y, x = np.mgrid[-self.half : self.half + 1, -self.half : self.half + 1].reshape(2, -1)
-        return y, x, _terms(x / self.half, y / self.half)
+        return y, x, quadratic(x / self.half, y / self.half)
 
     def fitted(self, rows: NDArray, columns: NDArray) -> tuple[Array, Array, Array, Array]:
         """Parabolas (n, 6) of pixels, their cofactors (n, 6, 6), variances of one pixel and misfits (n,)."""
@@ -95,7 +92,7 @@ class Surface:
         near = np.rint(np.where(inside[:, None], places, 0.0)).astype(np.int64)
         fit, cofactor, variance, misfit = self.fitted(near[:, 1], near[:, 0])
         x, y = ((np.where(inside[:, None], places, 0.0) - near) / self.half).T
-        one, none, terms = np.ones_like(x), np.zeros_like(x), _terms(x, y)
+        one, none, terms = np.ones_like(x), np.zeros_like(x), quadratic(x, y)
         by = np.stack([[none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]]) / self.half
         by = by.transpose(2, 0, 1)
         with np.errstate(invalid="ignore"):
