@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.geometry.device import pixel_to_image, project_with_derivatives, ray_directions
+from core.geometry.device import Projection, pixel_to_image, project_with_derivatives, ray_directions
 from core.geometry.lens import undistort
 from core.model import Array, Pair
 
@@ -46,14 +46,19 @@ def _intersected(calibration: Pair, observed: Array, sigma: Array, S: Array | No
                 break
     covariance = inverse
     if S is not None:
-        i, j = camera.interior.vector.size, projector.interior.vector.size
-        B = np.zeros((len(X), 4, i + j + 6))
-        B[:, :2, :i], B[:, 2:, i : i + j], B[:, 2:, i + j :] = one.by_interior, two.by_interior, two.by_pose
-        G = inverse @ AtP @ B
+        G = inverse @ AtP @ by_parameters(one, two)
         covariance = covariance + G @ S @ np.swapaxes(G, 1, 2)
     lost = ~np.isfinite(X).all(axis=1)
     X[lost], covariance[lost] = np.nan, np.nan
     return X, covariance
+
+
+def by_parameters(one: Projection, two: Projection) -> Array:
+    """Derivatives (n, 4, p) of what a pair sees by its parameters, in the order of their covariance."""
+    i, j = one.by_interior.shape[2], two.by_interior.shape[2]
+    B = np.zeros((len(one.uv), 4, i + j + 6))
+    B[:, :2, :i], B[:, 2:, i : i + j], B[:, 2:, i + j :] = one.by_interior, two.by_interior, two.by_pose
+    return B
 
 
 def _inverted(N: Array) -> Array:

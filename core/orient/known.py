@@ -9,6 +9,7 @@ import numpy as np
 from core.errors import InputError
 from core.evaluate import fit_sphere
 from core.geometry import project_with_derivatives, similarity
+from core.geometry.intersection import by_parameters
 from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap
 from core.orient.residuals import Sight, epipolar_residuals, pixels_within
@@ -111,9 +112,7 @@ def observed_points(known: KnownPoints, pair: Pair) -> Observed:
     camera, projector = pair.camera, pair.projector
     one = project_with_derivatives(camera.spec, camera.interior, X)
     two = project_with_derivatives(projector.spec, projector.interior, X, pair.projector_from_camera)
-    i, j, n = one.by_interior.shape[2], two.by_interior.shape[2], len(X)
-    A = np.zeros((n, 4, i + j + 6))
-    A[:, :2, :i], A[:, 2:, i : i + j], A[:, 2:, i + j :] = one.by_interior, two.by_interior, two.by_pose
+    A, n = by_parameters(one, two), len(X)
     by_point = np.concatenate([one.by_point, two.by_point], axis=1)
     turns = np.swapaxes(np.cross(np.eye(3), X[:, None, :]), 1, 2)
     free = by_point @ np.concatenate([turns, np.broadcast_to(np.eye(3), (n, 3, 3))], axis=2)
