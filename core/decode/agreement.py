@@ -24,7 +24,7 @@ from core.decode.fringes import TWO_PI, orders_stand
 from core.decode.kernel import decode_pixels, scratch_for
 from core.decode.noise import MEDIAN_OF_SQUARE
 from core.decode.options import Flag, invalidate
-from core.decode.pairs import FEWEST, TILES, Pairs, look_at, smooth_at
+from core.decode.pairs import FEWEST, TILES, Pairs, look_at, median_around, smooth_at
 from core.decode.tables import PHASES, SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
 from core.numerics import distinct, erf, median_of, row_median
 
@@ -101,9 +101,8 @@ def contradiction(
             part = beating(pairs, known & smooth_at(coordinates, here, pairs.rows, pairs.columns).ravel(), *mine)
     if not shown_anywhere and not left_open.any() and part is None:
         return None
-    found = np.pad(np.where(few, np.nan, _beyond(medians) * medians[3]), 1, constant_values=np.nan)
-    beside = np.lib.stride_tricks.sliding_window_view(found, (3, 3)).reshape(-1, 9)
-    lines = np.nan_to_num(row_median(beside), nan=float(_beyond(whole) * whole[3])).reshape(TILES, TILES)
+    smooth = median_around(np.where(few, np.nan, _beyond(medians) * medians[3]))
+    lines = np.nan_to_num(smooth, nan=float(_beyond(whole) * whole[3]))
     known = np.isfinite(place)
     lines += float(bent[known].mean()) if known.any() else 0.0
     turned = np.nan_to_num(np.where(left_open, _beyond(medians) / of_both, 0.0))

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from core.decode.noise import MEDIAN_OF_SQUARE
-from core.decode.pairs import FEWEST, TILES
+from core.decode.pairs import FEWEST, TILES, median_around
 from core.decode.tables import Singles
-from core.numerics import median_of, row_median
+from core.numerics import median_of
 
 APART = 4  # px between coordinates whose fourth differences show how rough they are: errors within a block are alike
 FOURTH = np.array([1, -4, 6, -4, 1], np.float32)
@@ -40,7 +40,7 @@ def roughness(place: Singles, sigma: Singles, apart: int = APART, bounded: bool 
         expected[:, parts[2]] = sum(factor**2 * square[:, part] for factor, part in zip(FOURTH, parts, strict=True))
     beyond = np.square(bend) / np.float32(MEDIAN_OF_SQUARE)
     rows, columns = (np.linspace(0, size, TILES + 1).astype(int) for size in bend.shape)
-    found = np.full((TILES + 2, TILES + 2), np.nan)
+    found = np.full((TILES, TILES), np.nan)
     for i, j in np.ndindex(TILES, TILES):
         at = slice(rows[i], rows[i + 1]), slice(columns[j], columns[j + 1])
         known = np.isfinite(bend[at])
@@ -49,6 +49,5 @@ def roughness(place: Singles, sigma: Singles, apart: int = APART, bounded: bool 
             if bounded:
                 square = np.square(bend[at][known])
                 seen = float(square[square < STEP * max(seen, usual)].mean())
-            found[i + 1, j + 1] = seen - usual
-    beside = np.lib.stride_tricks.sliding_window_view(found / np.sum(np.square(FOURTH)), (3, 3)).reshape(-1, 9)
-    return np.maximum(np.nan_to_num(row_median(beside)), 0).astype(np.float32).reshape(TILES, TILES)
+            found[i, j] = seen - usual
+    return np.maximum(np.nan_to_num(median_around(found / np.sum(np.square(FOURTH)))), 0).astype(np.float32)

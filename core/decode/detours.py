@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from core.decode.frames import Image
 from core.decode.moved import moved_edges
 from core.decode.pairs import BESIDE, SOME, STEP, TILES, smooth_at
-from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, modulation_of, sum_of, sums_of
+from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, lifted, runs_of, sum_of, sums_of
 from core.numerics import distinct, median_of
 
 LOOKS = 49, 144  # pixels of a tile that are looked at
@@ -168,10 +168,7 @@ def _shown(
 
 def _middle(table: AxisTable, shown: Singles) -> tuple[Singles, Singles]:
     """Threshold of the code and half its contrast (n,)."""
-    threshold, contrast = sum_of(table.rows, 0, shown), sum_of(table.rows, 1, shown)
-    if table.lift != 0:
-        modulation = modulation_of(table, shown)
-        threshold, contrast = threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
+    threshold, contrast = lifted(table, shown, sum_of(table.rows, 0, shown), sum_of(table.rows, 1, shown))
     if not table.has_contrast:
         bits = islice(sums_of(table.rows, shown), 2, None)
         contrast = np.max([np.abs(x + s * threshold) for x, s in zip(bits, table.sign, strict=True)], axis=0)
@@ -211,9 +208,7 @@ def _beside(steps: tuple[float, float]) -> Callable[[NDArray[Any], tuple[int, in
 
 def _bits(table: AxisTable) -> list[tuple[int, float]]:
     """The finest bits that stay the same for long enough: numbers, and runs in lines."""
-    number = len(table.sign)
-    runs = [float(table.cell) * 2.0 ** (number - b - (0 if table.gray else 1)) for b in range(number)]
-    return [(b, run) for b, run in enumerate(runs) if run >= WIDE * _period(table)][-BITS:]
+    return [(b, run) for b, run in enumerate(runs_of(table)) if run >= WIDE * _period(table)][-BITS:]
 
 
 def _levels(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.pairs import TILES
-from core.decode.tables import Array, AxisTable, Singles
+from core.decode.tables import Array, AxisTable, Singles, runs_of
 
 NEAR, BESIDE, FAR = 1.0, 1.3, 2.3  # lines from an edge in which levels change, and where they change no more
 STRAIGHT = 0.9  # of half the contrast, the same
@@ -40,10 +40,9 @@ def moved_edges(place: Singles, smooth: NDArray[np.bool_], table: AxisTable, lev
     `smooth`. `levels` gives the grey values of a bit, of each of some pixels (flat numbers), as parts of half the
     contrast about the middle between off and on. The part is (TILES, TILES); None where nothing is shown.
     """
-    bits = len(table.sign)
-    runs = [float(table.cell) * 2.0 ** (bits - b - (0 if table.gray else 1)) for b in range(bits)]
+    runs = runs_of(table)
     pixels, numbers, aside, rising = [], [], [], []
-    for bit in [b for b in range(bits) if runs[b] >= APART and table.fading[b] <= 1][-BITS:]:
+    for bit in [b for b in range(len(runs)) if runs[b] >= APART and table.fading[b] <= 1][-BITS:]:
         edge = (place + 0.5) / runs[bit] - (0.5 if table.gray else 0.0)
         number = np.rint(edge)
         away = (edge - number) * runs[bit]

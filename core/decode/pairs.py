@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.decode.tables import Array, Singles
 from core.lazy import dataclass
-from core.numerics import median_of
+from core.numerics import median_of, row_median
 
 TILES = 16  # of the image, in either direction
 PIXELS, PART = 128, 0.03  # of a tile that are looked at, or such a part of them
@@ -74,3 +74,9 @@ def smooth_at(place: Singles, here: Singles, rows: NDArray[np.intp], columns: ND
     left, right = (place[rows][:, np.clip(columns + side, 0, width - 1)] for side in (-BESIDE, BESIDE))
     bend = np.maximum(np.abs(above + below - 2 * here), np.abs(left + right - 2 * here))
     return np.asarray(bend <= STEP * median_of(bend[:, ::SOME]), bool)
+
+
+def median_around(tiles: Array) -> Array:
+    """Of every tile (TILES, TILES) the median of those around it that are known, itself among them; NaN if none is."""
+    padded = np.pad(tiles, 1, constant_values=np.nan)
+    return row_median(np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).reshape(-1, 9)).reshape(tiles.shape)

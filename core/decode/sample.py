@@ -20,7 +20,7 @@ from core.decode.noise import (
 )
 from core.decode.options import DecodeOptions
 from core.decode.response import Wave
-from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, modulation_of, sums_of
+from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, lifted, sums_of
 from core.decode.words import BLURRED
 from core.errors import InputError
 from core.numerics import cut_off, quantile_of, quantum
@@ -320,9 +320,7 @@ def measure_fading(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable
         return table
     sample = sample[:, ::4]
     threshold, contrast, *bit_sums = sums_of(table.rows, sample)
-    if table.lift != 0:
-        modulation = modulation_of(table, sample)
-        threshold, contrast = threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
+    threshold, contrast = lifted(table, sample, threshold, contrast)
     raw = np.stack(bit_sums)
     if not table.has_threshold:
         shown = -np.where(table.sign == 0, -1, table.sign)[:, None] * raw

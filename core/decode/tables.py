@@ -219,11 +219,20 @@ def sum_of(rows: Rows, number: int, sample: Singles) -> Singles:
     return np.asarray(np.einsum("f,fn", rows.value[entries], sample[rows.column[entries]]))
 
 
-def modulation_of(table: AxisTable, sample: Singles) -> Singles:
-    """Amplitude of the finest period's first harmonic in the pixels of a sample, float32 (frames, n)."""
+def lifted(table: AxisTable, sample: Singles, threshold: Singles, contrast: Singles) -> tuple[Singles, Singles]:
+    """Threshold of a code and half its contrast in the pixels of a sample (frames, n), where bent waves lift them."""
+    if table.lift == 0:
+        return threshold, contrast
     entries = slice(table.fits.first[0], table.fits.first[1])
     c, s = np.einsum("rf,fn->rn", table.fits.value[1:, entries], sample[table.fits.frame[entries]])
-    return np.asarray(np.hypot(c, s), np.float32)
+    modulation = np.asarray(np.hypot(c, s), np.float32)  # of the finest period
+    return threshold + table.lift * modulation, contrast + table.contrast_lift * modulation
+
+
+def runs_of(table: AxisTable) -> list[float]:
+    """Lines over which each bit of a code stays the same, the coarsest first."""
+    bits = len(table.sign)
+    return [float(table.cell) * 2.0 ** (bits - b - (0 if table.gray else 1)) for b in range(bits)]
 
 
 def _pack_fits(fits: Sequence[PhaseFit]) -> Fits:
