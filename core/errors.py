@@ -5,7 +5,7 @@ Every error names the place (a file, a field, a device), what was seen there and
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 LONGEST = 800  # characters of what was seen that a message repeats
 MANY = 12  # names are not listed in a message: the likeliest are
@@ -21,6 +21,12 @@ def choose_among(name: str, names: Collection[str]) -> str:
 
     near = get_close_matches(name, names, 5, 0.5) or list(names)[:5]
     return f"choose among {', '.join(near)} and others, {len(names)} in all"
+
+
+def listed(names: Sequence[object], most: int = 8) -> str:
+    """Join names for a message, the first few of many."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(map(str, names[:most])) + more
 
 
 class StripeError(Exception):

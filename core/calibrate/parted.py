@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.selection import listed, selected
+from core.calibrate.selection import selected
+from core.errors import listed
 from core.model import Network
 
 LEAST = 3  # captures of a part: fewer are told one by one

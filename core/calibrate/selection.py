@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import AdjustmentError, InputError
+from core.errors import AdjustmentError, InputError, listed
 from core.geometry import lens_of
 from core.model import Concern, Network, NetworkScale
 
@@ -195,9 +194,3 @@ def _check_connected(network: Network) -> None:
         "shares no points with the first station, directly or through others: the network is disconnected",
         "add images that see points of both parts, or adjust the parts separately",
     )
-
-
-def listed(names: Sequence[str], most: int = 8) -> str:
-    """Join names for a message, the first few of many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

@@ -12,9 +12,8 @@ from core.calibrate.from_images import dimensions
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem
-from core.calibrate.selection import listed
 from core.calibrate.state import State, interior_of, moved
-from core.errors import AdjustmentError
+from core.errors import AdjustmentError, listed
 from core.geometry import LENSES, Lens, regular
 from core.model import Array, Ints, Network
 from core.numerics import sigma_by_median

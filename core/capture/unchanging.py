@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.errors import listed
 from core.model.finding import Finding
 from core.numerics import median_of
 from core.patterns import Pattern, level_of
@@ -31,10 +32,7 @@ def unchanging(patterns: Sequence[Pattern], images: Sequence[NDArray]) -> list[F
     found = []
     for lines, word in ((rows, "row"), (columns, "column")):
         if len(lines):
-            more = f" and {len(lines) - MOST_NAMED} more" if len(lines) > MOST_NAMED else ""
-            which = (
-                f"{word} {lines[0]}" if len(lines) == 1 else f"{word}s {', '.join(map(str, lines[:MOST_NAMED]))}{more}"
-            )
+            which = f"{word}{'s' if len(lines) > 1 else ''} {listed(lines.tolist(), MOST_NAMED)}"
             text = (
                 f"the same grey values are in {which} of the image in every frame, and not beside: dead lines of the "
                 "sensor; have the camera correct its defects, and record again"

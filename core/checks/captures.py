@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from core.errors import listed
 from core.model import Capture, Concern, DeviceSpec, Frame, PlaneEvaluation, TargetSet, Testfield
 from core.numerics import median_of, quantile_of, sigma_by_median
 from core.patterns import Pattern, alike, level_of
@@ -181,7 +182,7 @@ def size_concerns(targets: Sequence[TargetSet], boards: Mapping[str, Testfield |
     size = median_of([*found.values()]) if found else 1.0
     if 1 / OFF <= size <= OFF:
         return []
-    names = f"{min(found)} and {len(found) - 1} more" if len(found) > 1 else min(found)
+    names = listed(sorted(found), 1)
     remedy = "is it the radius?" if RADIUS[0] < size < RADIUS[1] else "correct it, or name the board that was captured"
     text = f"{names}: dots are seen {size:.2f} times as large as diameter_mm of their testfield file says; {remedy}"
     return [Concern("doubtful", text)]

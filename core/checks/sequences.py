@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from core.errors import listed
 from core.model import Array, Capture, Concern, DeviceSpec, Floats, TargetSet
 from core.numerics import median_of
 from core.patterns import Code
@@ -92,7 +93,7 @@ def code_concerns(captures: Sequence[Capture], projectors: Mapping[str, DeviceSp
     concerns = []
     for (axis, told, lines), names in ((key, list(named)) for key, named in short.items()):
         word = "width" if axis == "x" else "height"
-        shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        shown = listed(names, 3)
         if told < lines:
             text = f"the code along {axis} tells {told} lines apart, the projector's {word} is {lines} ({shown})"
         else:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.errors import AdjustmentError, InputError, NotRecognisedError, StripeError
+from core.errors import AdjustmentError, InputError, NotRecognisedError, StripeError, listed
 from core.lazy import dataclass
 from core.model import (
     Adjustment,
@@ -66,8 +66,7 @@ def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
     concerns = []
     for entries in sorted(by_text.values(), key=lambda entries: bluntness(entries[0][1])):
         names = list(dict.fromkeys(name for name, _ in entries))
-        told = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        concerns.append(Concern("doubtful", f"{told}: {entries[0][1]}"))
+        concerns.append(Concern("doubtful", f"{listed(names, 3)}: {entries[0][1]}"))
     return concerns
 
 

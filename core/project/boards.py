@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from core.atomic import undone_on_failure
-from core.errors import InputError
+from core.errors import InputError, listed
 from core.model import DeviceSpec, ScaleBar, Testfield
 from core.patterns import SequenceSpec
 from core.project.captures import write_project, write_testfield
@@ -45,8 +45,7 @@ def refuse_used_folder(folder: Path) -> None:
     except OSError as error:
         raise InputError(folder, f"cannot be used ({error.strerror})", "choose a folder you may write to") from error
     if held:
-        more = f" and {len(held) - 1} more" if len(held) > 1 else ""
-        raise InputError(folder, f"is not empty: it holds {held[0]}{more}", "choose a new or empty folder")
+        raise InputError(folder, f"is not empty: it holds {listed(held, 1)}", "choose a new or empty folder")
 
 
 def create_project(

@@ -14,7 +14,7 @@ from typing import Any
 
 from core import atomic
 from core.atomic import PART, write_json
-from core.errors import BusyError, InputError, StripeError
+from core.errors import BusyError, InputError, StripeError, listed
 from core.fields import kept_object
 from core.project.contents import FILE as CONTENTS
 from core.project.contents import contents_of, hash_file
@@ -66,10 +66,9 @@ def remove_made(folder: Path, own: Collection[str] = ()) -> None:
     """
     others = foreign(folder, own)
     if others:
-        more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
         raise InputError(
             folder,
-            f"holds what was added or changed since: {', '.join(others[:_MOST_NAMED])}{more}",
+            f"holds what was added or changed since: {listed(others, _MOST_NAMED)}",
             "choose a new or empty folder, or move these away",
         )
     for path in _files(folder):
