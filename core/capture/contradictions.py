@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.capture.lookup import dictionary, nearest_within
 from core.lazy import dataclass
-from core.numerics import distinct
+from core.numerics import distinct, spaced
 from core.patterns import Axis, Code, Pattern, Phase, axis_of
 
 Array = NDArray[np.float32]
@@ -53,7 +53,7 @@ class Looked:
 
 def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, few: int = PIXELS) -> float:
     """Share of pixels that no projector line explains, once the curve of grey values is taken out."""
-    some = np.linspace(0, values.shape[1] - 1, min(few, values.shape[1])).astype(int)
+    some = spaced(values.shape[1], few)
     return float(np.mean(unexplained(values[:, some], patterns, looked, 2 if few == PIXELS else 0)[0]))
 
 

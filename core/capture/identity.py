@@ -20,7 +20,7 @@ from core.capture.lookup import CONTRADICTION, LEAST, Fit, Numbers, as_blurred, 
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
 from core.model.finding import Finding
-from core.numerics import distinct
+from core.numerics import distinct, spaced
 from core.patterns import Axis, Pattern, Phase, axis_of, describe, level_of, use_of
 
 Array = NDArray[np.float32]
@@ -46,12 +46,12 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     lit = np.flatnonzero(sampled.lit)
     if len(lit) < LIT * len(sampled.lit):
         return []  # the check of the modulation says so
-    lit = lit[np.linspace(0, len(lit) - 1, min(len(lit), _PIXELS)).astype(int)]
+    lit = lit[spaced(len(lit), _PIXELS)]
     contrast = (sampled.white - sampled.black)[lit]
     values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
     tolerance = (sampled.noise / contrast).astype(np.float32)
     bright = np.flatnonzero(sampled.bright[lit])
-    bright = bright[np.linspace(0, len(bright) - 1, min(len(bright), BRIGHTEST)).astype(int)]
+    bright = bright[spaced(len(bright), BRIGHTEST)]
 
     def of_axis(axis: Axis) -> Finding | None:
         shots = tuple(i for i, p in enumerate(plan.shots) if axis_of(p) == axis)

@@ -23,6 +23,7 @@ from core.fields import regular
 from core.lazy import dataclass
 from core.model import Capture, DeviceSpec, Frame, PhaseMap, Project, Subject
 from core.model.finding import Finding
+from core.numerics import spaced
 from core.patterns import Pattern, SequenceSpec, alike, like, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
@@ -369,7 +370,7 @@ def _dead_colours(files: Sequence[Path]) -> list[Finding]:
     """Say that one colour of some frames never varies while the other two do: light of one colour leaves out two."""
     if _is_grey(files[0]):
         return []
-    some = [_pixels(files[k]) for k in np.linspace(0, len(files) - 1, min(len(files), COLOURED)).astype(int)]
+    some = [_pixels(files[k]) for k in spaced(len(files), COLOURED)]
     seen = [p[..., :3].reshape(-1, 3) for p in some if p is not None and p.ndim == 3 and p.shape[2] >= 3]
     if not seen:
         return []

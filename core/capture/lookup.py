@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from core.compiling import njit
 from core.lazy import dataclass
-from core.numerics import median_of
+from core.numerics import median_of, spaced
 from core.patterns import Pattern, brightness
 
 Array = NDArray[np.float32]
@@ -99,7 +99,7 @@ def nearest_within(values: Array, possible: Array, enough: float | Array) -> tup
 
 def some(count: int, frames: int) -> Numbers:
     """Choose pixels for leaving frames out: fewer where there are many frames."""
-    return np.linspace(0, count - 1, min(count, _LEAVE_ONE, max(200, 20_000 // frames))).astype(np.intp)
+    return spaced(count, min(_LEAVE_ONE, max(200, 20_000 // frames)))
 
 
 def as_blurred(fit: Fit, best: Numbers) -> Fit:

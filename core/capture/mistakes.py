@@ -15,6 +15,7 @@ from core.capture.contradictions import PIXELS, Looked, contradicting, looks, un
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
 from core.model import Note
+from core.numerics import spaced
 from core.patterns import Code, Pattern, Phase, axis_of, describe
 
 Array = NDArray[np.float32]
@@ -93,7 +94,7 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
 
 def left_unexplained(looked: Looked, few: int = PIXELS) -> tuple[float, float]:
     """Shares of pixels that no declared line explains, and none that the code can tell."""
-    some = np.linspace(0, looked.values.shape[1] - 1, min(few, looked.values.shape[1])).astype(int)
+    some = spaced(looked.values.shape[1], few)
     bad, straight = unexplained(looked.values[:, some], looked.patterns, looked, 2 if few == PIXELS else 0)
     left = bad.copy()
     if _room(looked) > looked.lines and bad.any():
@@ -256,7 +257,7 @@ def _one(looked: Looked, j: int, shows: str) -> tuple[Note, int]:
 
 def _shown(looked: Looked, j: int) -> tuple[float, float, str]:
     """How far a frame is off what it claims, by the lines that others tell, squared, and off what it shows; that."""
-    some = np.linspace(0, looked.values.shape[1] - 1, min(FEW, looked.values.shape[1])).astype(int)
+    some = spaced(looked.values.shape[1], FEW)
     possible, _ = looks(looked.patterns, looked.lines)
     others = [k for k in range(len(looked.patterns)) if k != j]
     _, best = nearest(looked.values[others][:, some], possible[others])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.model import Capture
 from core.model.finding import Finding
-from core.numerics import compressed_in_blocks, median_of, quantile_of
+from core.numerics import compressed_in_blocks, median_of, quantile_of, spaced
 from core.patterns import level_of
 
 IRRATIONAL = 0.618034, 0.7548776662  # by which whole numbers along two axes have nothing to do with each other
@@ -74,7 +74,7 @@ def enlarged(images: Sequence[NDArray]) -> list[Finding]:
 
     A rendered plane without noise repeats what one line of the projector lights, but its other pixels are alike, too.
     """
-    some = [images[k] for k in np.linspace(0, len(images) - 1, min(len(images), SOME)).astype(int)]
+    some = [images[k] for k in spaced(len(images), SOME)]
     lit = max(some, key=lambda i: float(i[::8, ::8].mean()))
     shares, size, others = [], [], lit
     if not np.all([np.all(i[::16, 1:] == i[::16, :-1], axis=0) for i in some], axis=0).any():

@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from core.capture.lookup import dictionary
 from core.errors import InputError
 from core.lazy import dataclass
-from core.numerics import distinct, quantile_of, quantiles
+from core.numerics import distinct, quadratic, quantile_of, quantiles, spaced
 from core.patterns import Axis, Code, Pattern, axis_of, brightness, cycle_lines, describe, level_of, use_of
 from core.progress import SILENT, Progress
 
@@ -124,7 +124,7 @@ class _Strips:
 
 def _strips(stack: Array, contrast: float) -> _Strips:
     height, width = stack.shape[1:]
-    rows, columns = (np.linspace(0, n - 1, min(n, STRIPS)).astype(int) for n in (height, width))
+    rows, columns = (spaced(n, STRIPS) for n in (height, width))
     counted = []
     for part in (stack[:, rows, :], stack[:, :, columns].transpose(0, 2, 1)):
         low, high = quantiles(part, 0.1, 0.9)
@@ -235,7 +235,7 @@ class _Search:
         high, low = part.max(axis=0), part.min(axis=0)
         lit = high - low > 0.5 * quantile_of(high - low, 0.98)
         rows, columns = np.nonzero(lit)
-        some = np.linspace(0, len(rows) - 1, min(len(rows), PIXELS)).astype(int)
+        some = spaced(len(rows), PIXELS)
         some = distinct((some + 7919 * np.arange(len(some))) % len(rows))  # off the grid of any stripe
         at = np.stack([rows[some], columns[some]])
         seen = part[:, at[0], at[1]]
@@ -262,7 +262,7 @@ class _Search:
         """How far the lines are off a smooth course over the image: their mean deviation from a quadratic surface."""
         found = self.lines[np.argmin(self.distances(order), axis=1)].astype(np.float64)
         v, u = self.at / self.at.max()
-        A = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=1)
+        A = quadratic(u, v)
         return float(np.mean(np.abs(found - A @ np.linalg.lstsq(A, found, rcond=None)[0])))
 
     def improve(self, order: NDArray[np.intp], alike: list[NDArray[np.intp]]) -> tuple[float, NDArray[np.intp]]:

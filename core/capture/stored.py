@@ -26,7 +26,7 @@ from core.capture.quality import BRIGHT, Sampled, summarise
 from core.capture.unchanging import unchanging
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
-from core.numerics import median_of, quantile_of, quantiles_in, ranked
+from core.numerics import median_of, quantile_of, quantiles_in, ranked, spaced
 from core.patterns import Axis, Code, Line, Phase, axis_of, level_of
 
 Array = NDArray[np.float32]
@@ -183,7 +183,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
     good = np.flatnonzero(sampled.bright)
     if len(good) < LEAST_LIT:
         return []
-    good = good[np.linspace(0, len(good) - 1, min(len(good), PIXELS)).astype(int)]
+    good = good[spaced(len(good), PIXELS)]
     values = ((sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
     inverted = ((sampled.full - sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
     found: list[Finding] = []

@@ -20,7 +20,7 @@ from core.decode.book import BLURS, PER_LINE, Book, adjust
 from core.decode.frames import Image
 from core.decode.noise import Noise, estimate_noise
 from core.decode.tables import Array, Singles
-from core.numerics import quantile_of, quantum
+from core.numerics import quantile_of, quantum, spaced
 
 COARSE = 3  # so manieth is tried first, then each around the best
 SAMPLE = 6000  # pixels that tell blur and noise
@@ -61,7 +61,7 @@ def measure_words(book: Book, images: Sequence[Image], full: float) -> Shown:
     middle, steady = len(BLURS) // 2, np.ones((2, k), F)
     if len(lit) < 50:
         return Shown(book, np.full(shape, middle), Noise(1.0, 0.0, 1 / 12), steady)
-    lit = lit[np.linspace(0, len(lit) - 1, min(len(lit), SAMPLE)).astype(int)]
+    lit = lit[spaced(len(lit), SAMPLE)]
     grey, at = np.ascontiguousarray(grey[:, lit]), at[:, lit]
     plain = book
     costs, centre = _tried(book, grey, steady)

@@ -27,6 +27,7 @@ from core.numerics.robust import (
     row_median,
     sigma_about_median,
     sigma_by_median,
+    spaced,
 )
 from core.numerics.systems import factor_of, inverse_by, least_squares, solution_by
 
@@ -34,5 +35,5 @@ __all__ = [
     "MEDIAN_OF_NORMAL", "chi_square_limit", "compressed_in_blocks", "cut_off", "distinct", "erf", "factor_of",
     "fisher_above", "fisher_limit", "four_pixels", "from_neighbours", "inverse_2x2", "inverse_by", "least_squares",
     "median_of", "nearest", "normal_equations", "normal_limit", "quadratic", "quantile_of", "quantiles",
-    "quantiles_in", "quantum", "ranked", "row_median", "sigma_about_median", "sigma_by_median", "solution_by",
+    "quantiles_in", "quantum", "ranked", "row_median", "sigma_about_median", "sigma_by_median", "solution_by", "spaced",
 ]  # fmt: skip

@@ -124,6 +124,11 @@ def row_median(values: Array | Floats) -> Array:
     return np.where(count > 0, middle, np.nan)
 
 
+def spaced(count: int, most: int) -> NDArray[np.intp]:
+    """Give `most` of so many numbers at the most, evenly from 0 to the last."""
+    return np.linspace(0, count - 1, min(count, most)).astype(np.intp)
+
+
 def quadratic(x: Array, y: Array) -> Array:
     """Terms 1, x, y, x², xy, y² of a quadratic surface at places (n,) each, shape (n, 6)."""
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)

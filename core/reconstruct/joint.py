@@ -14,7 +14,7 @@ drift enters; the noise of L_own is common to the residuals of all other cameras
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from enum import IntEnum
 from typing import Literal
@@ -288,19 +288,31 @@ def merged(
     and grey values (1, n). A joint or matched point is taken from the first camera; sigmas stay along the axes that the
     clouds have them in.
     """
-    devices, parts = placed(calibration), []
-    for i, (name, cloud) in enumerate(each_once(clouds).items()):
+    devices = placed(calibration)
+    parts = [
+        (devices[name], cloud, np.full(images[name].shape, i, np.uint8), images[name])
+        for i, (name, cloud) in enumerate(each_once(clouds).items())
+    ]
+    cloud, image = in_one_frame(parts)
+    return replace(cloud, object_px=next(iter(clouds.values())).object_px), image
+
+
+def in_one_frame(parts: Iterable[tuple[Device, PointCloud, NDArray, Floats]]) -> tuple[PointCloud, Floats]:
+    """Join the clouds of devices, with what made every pixel and grey values, in the frame that orientations refer to.
+
+    Of the cloud (1, n, 3) and grey values (1, n) `source` is what made the points.
+    """
+    found = []
+    for device, cloud, made, image in parts:
         keep = np.isfinite(cloud.xyz_mm[..., 2])
         assert cloud.sigma_mm is not None
         assert cloud.sigma_depth_mm is not None
         assert cloud.sight is not None
-        xyz = devices[name].from_base.inverse().apply(cloud.xyz_mm[keep]).astype(np.float32)
-        source = np.full(keep.shape, i, np.uint8)
-        own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, source, images[name])
-        parts.append((xyz, *(values[keep] for values in own)))
-    xyz, sigma, depth, sight, source, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
-    pixels = next(iter(clouds.values())).object_px
-    return PointCloud(xyz, sigma, depth, sight, source, pixels), image
+        xyz = device.from_base.inverse().apply(cloud.xyz_mm[keep]).astype(np.float32)
+        own = (cloud.sigma_mm, cloud.sigma_depth_mm, cloud.sight, made, image)
+        found.append((xyz, *(values[keep] for values in own)))
+    xyz, sigma, depth, sight, made, image = (np.concatenate(column)[None] for column in zip(*found, strict=True))
+    return PointCloud(xyz, sigma, depth, sight, made), image
 
 
 def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:

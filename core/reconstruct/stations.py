@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from core.model import (
     Registration,
 )
 from core.progress import SILENT, Progress
-from core.reconstruct.joint import each_once, intersect_all
+from core.reconstruct.joint import each_once, in_one_frame, intersect_all
 from core.reconstruct.overlaps import Seen, averaged
 from core.reconstruct.placed import moved, placed
 
@@ -104,19 +103,13 @@ def joined(
         views += [Seen(cloud, devices[name], k) for name, cloud in clouds.items()]
         images += [phase.image for phase in seen.values()]
         names += [(camera, station) for camera in dict.fromkeys(p.camera for p in own)]
-    parts: list[tuple[Any, ...]] = []
-    for view, image, (cloud, made) in zip(views, images, averaged(views), strict=True):
-        at = np.isfinite(cloud.xyz_mm[..., 2])
-        assert cloud.sigma_mm is not None
-        assert cloud.sigma_depth_mm is not None
-        assert cloud.sight is not None
-        xyz = view.camera.from_base.inverse().apply(cloud.xyz_mm[at]).astype(np.float32)
-        parts.append((xyz, cloud.sigma_mm[at], cloud.sigma_depth_mm[at], cloud.sight[at], made[at], image[at]))
-    xyz, sigma, depth, sight, made, image = (np.concatenate(column)[None] for column in zip(*parts, strict=True))
-    combinations, source = np.unique(made, return_inverse=True)
+    means = zip(views, averaged(views), images, strict=True)
+    cloud, image = in_one_frame((view.camera, mean, made, image) for view, (mean, made), image in means)
+    assert cloud.source is not None
+    combinations, source = np.unique(cloud.source, return_inverse=True)
     told = tuple(_told([name for i, name in enumerate(names) if bits >> i & 1]) for bits in combinations.tolist())
     kind = np.uint8 if len(told) <= 256 else np.uint16
-    return PointCloud(xyz, sigma, depth, sight, source.reshape(made.shape).astype(kind)), image, told
+    return replace(cloud, source=source.reshape(cloud.source.shape).astype(kind)), image, told
 
 
 def _told(made_by: Sequence[tuple[str, str]]) -> tuple[str, str]:
