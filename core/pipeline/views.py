@@ -88,15 +88,15 @@ def coverage(cloud: PointCloud) -> Figures:
 
 def _mean_image(project: Project, capture: Capture, camera: str) -> Floats:
     """Mean of all frames of a camera, NaN where half of them are saturated: in a shadow all are alike."""
-    total: Any = 0.0
-    burnt: Any = 0
-    frames = [s for s in capture.series if s.camera == camera]
-    for series in frames:
-        for image in iterate_images(series, project.rig.cameras[camera]):
-            total = total + image.astype(np.float32)
-            burnt = burnt + (image == np.iinfo(image.dtype).max)
-    count = sum(len(series.frames) for series in frames)
-    return np.where(burnt > count / 2, np.float32(np.nan), total / count).astype(np.float32)
+    from core.decode import DecodeOptions
+    from core.decode.sample import full_scale, take_sample
+
+    spec = project.rig.cameras[camera]
+    images = [image for s in capture.series if s.camera == camera for image in iterate_images(s, spec)]
+    full = full_scale(images, tuple(range(len(images))), take_sample(images), DecodeOptions())
+    total: Any = sum(image.astype(np.float32) for image in images)
+    burnt: Any = sum(image >= full for image in images)
+    return np.where(burnt > len(images) / 2, np.float32(np.nan), total / len(images)).astype(np.float32)
 
 
 def intersectable(phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibration) -> list[PhaseMap]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from core.errors import InputError
 from core.model import PhaseMap, PointCloud
+from core.pipeline.views import _mean_image
 from core.reconstruct import Sight, fill_by_texture, intersect_all
 from tests.core.reconstruct.test_joint import LEFT, RIGHT, Place, ball, calibration, captures, depth_errors, plane
 
@@ -159,3 +162,17 @@ def test_one_camera_alone_has_nothing_to_match() -> None:
     clouds, images = seen([plane], disc, Paint(1), 1)
     with pytest.raises(InputError, match="one camera alone"):
         fill_by_texture(clouds["left"], {}, images, calibration(), "left")
+
+
+@pytest.mark.parametrize(("kind", "end"), [(np.uint8, 255), (np.uint8, 240), (np.uint16, 4095)])
+def test_saturated_pixels_show_no_texture_wherever_grey_values_end(monkeypatch, kind: type, end: int) -> None:
+    rng = np.random.default_rng(0)
+    light = rng.normal(0.5, 0.12, (6, 96, 128))
+    light[:, :24] = 1.5
+    images = np.rint(end * np.clip(light, 0, 1)).astype(kind)
+    monkeypatch.setattr("core.pipeline.views.iterate_images", lambda series, camera: iter(images))
+    project: Any = SimpleNamespace(rig=SimpleNamespace(cameras={"camera": None}))
+    capture: Any = SimpleNamespace(series=[SimpleNamespace(camera="camera", frames=images)])
+    mean = _mean_image(project, capture, "camera")
+    assert np.isnan(mean[:24]).all()
+    assert np.allclose(mean[24:], images.mean(axis=0)[24:], rtol=1e-6)
