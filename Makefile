@@ -17,7 +17,7 @@ help:
 	@echo "make setup     the environment in $(VENV) (a second call is quick)"
 	@echo "make demo      the whole experiment on the virtual bench, to a report in $(OUT)/results/report"
 	@echo "make test      all tests"
-	@echo "make quick     the tests that need no rendered project, in a minute and a half"
+	@echo "make quick     the tests that need no rendered project, in a minute"
 	@echo "make check     ruff, formatting and types"
 	@echo "make bench     benchmarks against peers, to a table and plots in bench-results"
 	@echo "make fuzz      mutated files for all readers, INPUTS of them; what fails is kept in tests/fuzz/corpus"
@@ -51,9 +51,10 @@ test: setup
 	@echo "Running all tests: about thirteen minutes on two cores."
 	@$(BIN)/python -m pytest -n 3 --dist worksteal
 
-# rooms of which few tests need a rendered project, and the rules of the house
+# rooms of which few tests need a rendered project, and the rules of the house; without what takes longest there
 QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns tests/core/numerics tests/core/decode \
-	tests/core/reconstruct tests/core/evaluate tests/core/project tests/core/test_api.py
+	tests/core/reconstruct tests/core/evaluate tests/core/project tests/core/test_api.py \
+	$(addprefix --ignore=tests/core/,decode/test_dense_words.py decode/test_estimate.py reconstruct/test_texture.py)
 
 quick: setup
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m "not rendered" $(QUICK)
