@@ -39,7 +39,7 @@ from core.pipeline.report import report_data
 from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
 from core.reconstruct import Sight
-from core.report import Tolerance, verdict
+from core.report import Tolerance, tables, verdict
 from core.report.document import compose
 from core.report.figures.planes import plane_drawings
 from core.report.numbers import volume_table
@@ -452,7 +452,7 @@ def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_pa
     with np.load(out) as points:
         assert np.array_equal(points["xyz"], cloud.xyz_mm, equal_nan=True)
     there = read_project(folder)
-    assert "base left to right" in str(compose(report_data(there, kept_evaluation(there))))
+    assert "base left to right" in str(tables(report_data(there, kept_evaluation(there))))
     assert main(["status", str(folder), "--json", str(tmp_path / "s.json")]) == 0
     states = json.loads((tmp_path / "s.json").read_text())["stages"]
     assert (states["calibrate"]["state"], states["evaluate"]["state"]) == ("current", "current")

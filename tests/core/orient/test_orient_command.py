@@ -16,7 +16,7 @@ from core.model import Subject
 from core.pipeline import drift_of
 from core.pipeline.report import report_data
 from core.project import read_project, write_capture
-from core.report.chapters import drawings, tables
+from core.report.chapters import CHAPTERS, tables
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +83,9 @@ def test_what_captures_show_is_kept_for_the_chart_and_the_report(calibrated: Pat
     assert "action" not in {point.state for point in chart}
     # what the calibration leaves uncertain is the same in both: another plane of the same rig is foretold better
     assert (chart[1].sigma < chart[0].sigma).all()
-    assert [table.title for table in tables(report_data(project, ()))][-1].startswith("Control chart")
     data = report_data(project, ())
-    assert [drawing.key for drawing in drawings(data)["drift"]] == ["drift-camera-projector"]
+    assert [table.title for table in tables(data)][-1].startswith("Control chart")
+    assert [drawing.key for drawing in CHAPTERS["drift"].drawings(data)] == ["drift-camera-projector"]
     assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--without", "testfield-08"]) == 0
     assert not drift_of(project, kept=True)
 

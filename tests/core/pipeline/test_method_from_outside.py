@@ -16,6 +16,7 @@ def run(*words: object) -> None:
     assert main([str(word) for word in words]) == 0
 
 
+@pytest.mark.usefixtures("plain_reports")
 def test_a_method_from_outside_is_calibrated_reconstructed_evaluated_and_reported(
     calibrated: Path, tmp_path: Path, extension
 ) -> None:

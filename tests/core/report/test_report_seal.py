@@ -39,6 +39,7 @@ def intact(path: Path) -> bool:
         return False
 
 
+@pytest.mark.usefixtures("plain_reports")
 def test_the_command_says_what_became_of_a_report(data, tmp_path, capsys) -> None:
     small = dataclasses.replace(data, adjustment=None, photogrammetric=None, sign_off=SIGNED)
     paths = write_report(small, tmp_path)
