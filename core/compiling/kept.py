@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import os
 import pickle
-import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -121,8 +120,6 @@ def kernel_folder() -> Path | None:
 @cache
 def _sweep(folder: Path) -> None:
     """Delete what nobody has used for long, and the oldest beyond a size; once a process, when something is added."""
-    for old in (*folder.parent.glob("kernels-*"), *(_OWN / "__pycache__").glob("kernels-*")):
-        shutil.rmtree(old, ignore_errors=True)  # of earlier versions, a folder for every state of the sources
     entries = sorted(((e.stat().st_mtime, e.stat().st_size, e) for e in folder.glob("*.kernel*")), reverse=True)
     size = 0
     for used, room, entry in entries:

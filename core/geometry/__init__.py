@@ -20,7 +20,6 @@ from core.geometry.device import (
 from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of, nominal, regular, undistort
 from core.geometry.pairs import (
     calibration_of,
-    calibration_of_pair,
     camera_for,
     knows,
     pair_derivatives,
@@ -39,7 +38,7 @@ from core.geometry.rotation import (
 )
 
 __all__ = [
-    "LENSES", "Lens", "Pose", "Projection", "at_radius", "calibration_of", "calibration_of_pair", "camera_for",
+    "LENSES", "Lens", "Pose", "Projection", "at_radius", "calibration_of", "camera_for",
     "cross_matrix", "distort",
     "estimated", "fitted", "image_to_pixel", "knows", "lens_of", "matrix_from_axis_angle",
     "matrix_from_rotation_vector", "nominal", "pair_derivatives", "pair_for", "pair_named", "pair_of", "perturbed",

@@ -123,22 +123,6 @@ def _meant(calibration: PhotogrammetricCalibration, *names: str) -> list[str]:
     return ["" if len(known) == 1 and usual in (name, *known) else name for name, (known, usual) in found]
 
 
-def calibration_of_pair(
-    camera: AdjustedDevice,
-    projector: AdjustedDevice,
-    projector_from_camera: Pose,
-    covariance: Array,
-    names: tuple[str, str] = ("camera", "projector"),
-    **figures: Any,
-) -> PhotogrammetricCalibration:
-    """Make the calibration of one camera and one projector of these `names`; `covariance` is that of a `Pair`.
-
-    `figures` are as for `calibration_of`.
-    """
-    devices = dict(zip(names, (camera, projector), strict=True))
-    return calibration_of(devices, {names[1]: projector_from_camera}, covariance, **{"cameras": names[:1], **figures})
-
-
 def calibration_of(
     devices: Mapping[str, AdjustedDevice], from_first: Mapping[str, Pose], covariance: Array, **figures: Any
 ) -> PhotogrammetricCalibration:

@@ -251,7 +251,7 @@ def _pointer(folder: Path, progress: Progress) -> Iterator[Finding]:
     except StripeError:
         return  # told already
     for method, number in numbers.items():
-        if not _whole(project, method, number) and not (folder / "results" / f"{method}.npz").is_file():
+        if not _whole(project, method, number):
             seen = f"points to run {number} by the {method} method, which is not there whole"
             yield path, seen, "points to the newest run that is whole, if any", partial(_point, folder)
 

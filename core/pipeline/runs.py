@@ -32,7 +32,7 @@ from core.model import Figures, Method, Project
 from core.pipeline.folders import result_path
 from core.pipeline.inputs import Record
 from core.pipeline.methods import METHODS, archives_of
-from core.pipeline.options import DEVICES, CalibrateOptions
+from core.pipeline.options import CalibrateOptions
 from core.project import save_archive, write_json
 from core.project.contents import contents_of, hash_file
 from core.project.lock import writing_results
@@ -53,7 +53,7 @@ class Run:
     captures: Mapping[Method, tuple[str, ...]]  #: names of the captures used by each method
     #: targets that an operator had excluded, (row, col) each, by capture
     excluded: Mapping[str, tuple[tuple[int, int], ...]]
-    #: what each method's result follows from, see `core.pipeline.inputs`; runs of earlier versions do not know
+    #: what each method's result follows from, see `core.pipeline.inputs`
     made_from: Mapping[Method, Record]
     figures: Figures = field(repr=False)  #: as `calibrate --json` writes them
     #: number of the run that holds a method's archives, where that is another one
@@ -153,17 +153,10 @@ def current_run(project: Project, method: Method) -> Run | None:
 
 
 def calibration_file(project: Project, name: str) -> Path | None:
-    """Give the archive in use of a name, such as "photogrammetric.npz"; None where there is none.
-
-    Projects of earlier versions have theirs in ``results/`` itself.
-    """
+    """Give the archive in use of a name, such as "photogrammetric.npz"; None where there is none."""
     method = next((m for m in METHODS if name in archives_of(m)), None)
-    if method is not None and (number := _pointer(project).get(method)) is not None:
-        path = archive_of(project, method, name, number)
-        if path is not None:
-            return path
-    path = result_path(project, name)
-    return path if path.is_file() else None
+    number = None if method is None else _pointer(project).get(method)
+    return None if method is None or number is None else archive_of(project, method, name, number)
 
 
 def calibration_hashes(project: Project, methods: Iterable[Method] | None = None) -> dict[str, str | None]:
@@ -260,7 +253,7 @@ def _from_dict(data: dict[str, Any]) -> Run:
         options[name] = tuple(options[name])
     captures: dict[Method, list[str]] = data["captures"]
     records: dict[Method, Any] = data["made_from"]
-    holders: dict[Method, int] = data.get("held_by", {})
+    holders: dict[Method, int] = data["held_by"]
     return Run(
         number=int(data["number"]),
         made_at=str(data["made_at"]),
@@ -270,8 +263,7 @@ def _from_dict(data: dict[str, Any]) -> Run:
         made_from={m: dict(records[m]) for m in METHODS if isinstance(records.get(m), dict)},
         figures=dict(data["figures"]),
         held_by={m: int(holders[m]) for m in METHODS if m in holders},
-        archives={str(name): str(value) for name, value in data.get("archives", {}).items()},
-        name=str(data.get("name", "")),
+        archives={str(name): str(value) for name, value in data["archives"].items()},
     )
 
 
@@ -306,11 +298,9 @@ def compare_runs(first: Run, second: Run) -> tuple[Difference, ...]:
 
 def _of_devices(a: dict[str, Any], b: dict[str, Any]) -> tuple[Difference, ...]:
     found = []
-    first_devices, second_devices = (run.get("devices", run) for run in (a, b))
-    for device in a.get("devices", DEVICES):
-        one, other = first_devices[device], second_devices.get(device)
-        lens = LENSES[one.get("model", "A1..A6")]
-        if other is None or other.get("model", "A1..A6") != lens.name:
+    for device, one in a["devices"].items():
+        other, lens = b["devices"].get(device), LENSES[one["model"]]
+        if other is None or other["model"] != lens.name:
             continue
         same_zero = np.isclose(one.get("r0_mm", 0.0), other.get("r0_mm", 0.0), rtol=1e-9)
         for name, key, unit in zip(lens.names, lens.keys, lens.units, strict=True):

@@ -26,10 +26,9 @@ def withdraw_sign_off(project: Project) -> None:
 
 
 def _sign_offs(project: Project) -> list[Path]:
-    """Where a sign-off can lie: with the runs in use, or, of earlier versions, beside them."""
+    """Where a sign-off can lie: with the runs in use."""
     numbers = sorted(set(current_runs(project).values()), reverse=True)
-    folders = [*(run_folder(project, number) for number in numbers), result_path(project, "")]
-    return [folder / SIGN_OFF for folder in folders]
+    return [run_folder(project, number) / SIGN_OFF for number in numbers]
 
 
 def load_sign_off(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> SignOff | None:

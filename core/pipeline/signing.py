@@ -13,7 +13,6 @@ from core.fields import text_of
 from core.figures import evaluation_figures
 from core.model import PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
-from core.pipeline.folders import result_path
 from core.pipeline.report import parts_of_report
 from core.pipeline.runs import SIGN_OFF, current_runs, run_folder
 from core.pipeline.signed import withdraw_sign_off
@@ -75,14 +74,13 @@ def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneE
 
     So it lapses when others take their place. Signing again for the same changes nothing.
     """
-    if not sign_off.despite.strip() and (failed := failed_verdicts(project, evaluations)):
+    failed = failed_verdicts(project, evaluations)
+    if failed and not sign_off.despite.strip():
         remedy = "see to its cause, or write why you sign all the same (`despite`, in the window the reason)"
         raise InputError("sign-off", f"the verdict failed: {failed[0]}", remedy)
-    numbers = current_runs(project).values()
-    folder = run_folder(project, max(numbers)) if numbers else result_path(project, "")
     signed = evaluation_figures(evaluations)["planes"]
     document = {"format": "stripe-sign-off", "version": 1, **asdict(sign_off), "signed": signed}
-    path = folder / SIGN_OFF
+    path = run_folder(project, max(current_runs(project).values())) / SIGN_OFF
     try:
         same = json.loads(text_of(path)) == json.loads(json.dumps(document))
     except (OSError, ValueError):

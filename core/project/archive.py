@@ -22,7 +22,7 @@ from core import model
 from core.atomic import atomic_write
 from core.errors import InputError
 from core.fields import regular
-from core.geometry import Pose, calibration_of_pair
+from core.geometry import Pose
 from core.project.shapes import check_fields
 
 T = TypeVar("T")
@@ -126,8 +126,6 @@ def _unpack(tree: Any, arrays: dict[str, Any], classes: Mapping[str, type]) -> A
     if "map" in tree:
         return {k: _unpack(v, arrays, classes) for k, v in tree["map"].items()}
     fields = {k: _unpack(v, arrays, classes) for k, v in tree["fields"].items()}
-    if tree["class"] == "PhotogrammetricCalibration" and "camera" in fields:
-        return calibration_of_pair(**fields)  # as it was written before there were rigs of more than two
     made = classes[tree["class"]](**fields)
     if dataclasses.is_dataclass(made):
         check_fields(made)

@@ -32,9 +32,8 @@ def read_made(folder: Path) -> dict[str, Any]:
     files, named = stored.get("files"), stored.get("named")
     if not isinstance(files, dict):
         return {"files": {}, "named": []}
-    if not isinstance(named, list):
-        named = [] if "scenario" in stored else [*files]  # as earlier versions listed them
-    return {**stored, "files": {k: str(v) for k, v in files.items()}, "named": [*map(str, named)]}
+    names = [*map(str, named)] if isinstance(named, list) else []
+    return {**stored, "files": {k: str(v) for k, v in files.items()}, "named": names}
 
 
 def note_made(folder: Path, facts: Mapping[str, Any]) -> None:

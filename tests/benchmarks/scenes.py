@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from core.bench import experiment
-from core.geometry import calibration_of_pair, project, ray_directions
+from core.geometry import project, ray_directions
 from core.model import (
     AdjustedDevice,
     DeviceSpec,
@@ -17,6 +17,7 @@ from core.model import (
 )
 from core.patterns import Pattern, Phase, brightness
 from tests.benchmarks.timing import EFFORT
+from tests.calibrated import calibration_of_pair
 
 LINES = 640
 SIZES = {"748x576": (748, 576), "1280x1024": (1280, 1024), "2448x2048": (2448, 2048)}

@@ -8,9 +8,10 @@ import pytest
 
 import core
 from core.errors import InputError
-from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector
+from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import AdjustedDevice, DeviceSpec, Interior
 from core.patterns import White, gray_and_phase, pattern_image, pattern_to_dict
+from tests.calibrated import calibration_of_pair
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 CAMERA = DeviceSpec(1280, 1024, (0.005, 0.005), 8.0, r0_mm=0.0)

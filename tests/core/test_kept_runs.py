@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +22,6 @@ from core.pipeline import (
     delete_run,
     list_runs,
     make_current,
-    project_states,
     rename_run,
     runs,
     save_sign_off,
@@ -229,20 +227,6 @@ def test_named_and_signed_runs_stay(calibrated: Path, monkeypatch) -> None:
         calibrate_project(project, "photogrammetric")
     assert [run.number for run in list_runs(project)] == [1, 2, 3, 6, 7]
     assert list_runs(project)[1].name == "keep"
-
-
-def test_a_project_of_an_earlier_version_is_read(calibrated: Path) -> None:
-    """Its archives lay in results/ itself, shared with the runs; without runs they count too."""
-    before, results = result(calibrated).camera.interior, calibrated / "results"
-    for name in ("photogrammetric.npz", "adjustment.npz", "polynomial.npz"):
-        (results / "runs" / "0001" / name).rename(results / name)
-    shutil.rmtree(results / "runs")
-    (results / "current.json").unlink()
-    project = read_project(calibrated)
-    assert result(calibrated).camera.interior == before
-    assert current_runs(project) == {}
-    state = project_states(project).stages["calibrate"]
-    assert (state.state, "earlier version" in state.because[0]) == ("outdated", True)
 
 
 def test_a_cancelled_calibration_keeps_no_run(calibrated: Path) -> None:

@@ -221,7 +221,6 @@ def test_what_nobody_used_for_long_goes_and_so_do_the_oldest_beyond_a_size(
     folder, foreign = tmp_path / "stripe-workbench/kernels", tmp_path / "stripe-workbench/notes"
     folder.mkdir(parents=True)
     foreign.mkdir()
-    (tmp_path / "stripe-workbench/kernels-0123456789abcdef").mkdir()
     monkeypatch.setattr(kept, "_KEPT_BYTES", 250)
     for name, days in (("used", 0), ("known", 1), ("older", 2), ("forgotten", 100)):
         (folder / f"{name}.kernel").write_bytes(bytes(100))

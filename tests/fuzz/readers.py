@@ -114,6 +114,8 @@ def own_records(folder: Path) -> dict[str, Reader]:
         return Reader(file, text_of(document), read)
 
     in_use = "photogrammetric.npz"
+    (folder / "results/runs/0001").mkdir(parents=True)
+    (folder / "results/runs/0001" / in_use).touch()
     sealed = b"x\n<!-- stripe-report " + text_of(seal) + b" -->\n"
     decoded = {"captures": {"a": {"valid": 1, "made_from": {}}}}
     known = {"version": 1, "files": {"/a": [[1, 2, 3, 4], 5, "0" * 64]}}
@@ -125,7 +127,7 @@ def own_records(folder: Path) -> dict[str, Reader]:
         "holder": of("results/.lock", holder, lambda f: words_of(holder_of(f / "results/.lock") or {})),
         "contents": of(f"results/{CONTENTS}", known, lambda f: Contents(f).of(f / "testfield.csv")),
         "transcript": of("transcript.jsonl", shot, lambda f: [is_intact(f, entry) for entry in transcript(f)]),
-        "sign-off": of("results/sign-off.json", sign_off, lambda f: load_sign_off(project, ())),
+        "sign-off": of("results/runs/0001/sign-off.json", sign_off, lambda f: load_sign_off(project, ())),
         "seal": Reader("report.html", sealed, lambda f: verify(f / "report.html")),
     }
 

@@ -224,7 +224,7 @@ def test_a_sign_off_lapses_with_other_figures(open_page, window, finished_projec
 
 
 def test_a_damaged_sign_off_is_told(open_page, window, notices, finished_project) -> None:
-    (finished_project / "results" / "sign-off.json").write_text("{")
+    (finished_project / "results" / "runs" / "0001" / "sign-off.json").write_text("{")
     open_page(finished_project, "report")
     assert any(n.kind == "error" and "sign-off.json" in n.happened for n in notices)
 

@@ -15,10 +15,11 @@ from core.checks.plates import intersect_targets
 from core.decode.camera import TONE
 from core.decode.compressed import COMPRESSED
 from core.errors import AdjustmentError
-from core.geometry import Pose, calibration_of_pair, matrix_from_axis_angle, pair_of, project
+from core.geometry import Pose, matrix_from_axis_angle, pair_of, project
 from core.model import AdjustedDevice, Capture, DeviceSpec, Interior, MissingTarget, TargetSet, Testfield
 from core.pipeline.evidence import Evidence, because_of, notes_of
 from core.pipeline.options import CalibrateOptions
+from tests.calibrated import calibration_of_pair
 
 
 def test_targets_far_away_in_focal_lengths_are_found_on_the_board_that_they_were_projected_from() -> None:

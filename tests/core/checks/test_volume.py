@@ -7,8 +7,9 @@ import pytest
 
 from core.checks.volume import difference, form_of_fields, image_fields, point_fields, sigmas_of, volume_of
 from core.errors import InputError
-from core.geometry import Pose, calibration_of_pair, pair_of, perturbed
+from core.geometry import Pose, pair_of, perturbed
 from core.model import AdjustedDevice, DeviceSpec, Interior
+from tests.calibrated import calibration_of_pair
 
 DEPTHS = np.array([420.0, 480.0, 540.0])
 

@@ -27,8 +27,9 @@ from core.checks import (
 )
 from core.checks.plates import Plates
 from core.errors import StripeError
-from core.geometry import Pose, calibration_of_pair, pair_of
+from core.geometry import Pose, pair_of
 from core.model import Interior, ScaleBar, TargetSet, Testfield, Verdict, verdict_of
+from tests.calibrated import calibration_of_pair
 from tests.core.checks.rigs import RIGS, Project, simulate, turn
 
 _DONE: list[tuple] = []  # the last sound calibration, which wrong plates do not touch

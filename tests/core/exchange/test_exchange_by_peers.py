@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from core.exchange import FORMATS, fit_pair
-from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector, project
+from core.geometry import Pose, matrix_from_rotation_vector, project
 from core.model import AdjustedDevice, DeviceSpec, Interior
+from tests.calibrated import calibration_of_pair
 
 SPECS = DeviceSpec(748, 576, (0.008, 0.008), 12.0), DeviceSpec(640, 600, (0.09, 0.09), 182.0)
 INTERIORS = (

@@ -16,10 +16,11 @@ import scipy.io
 
 from core.errors import InputError
 from core.exchange import FORMATS, fit_pair, pair_to_calibration
-from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector, pair_of, perturbed, project
+from core.geometry import Pose, matrix_from_rotation_vector, pair_of, perturbed, project
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhotogrammetricCalibration
 from core.orient import find_motion
 from core.pipeline import motion_words
+from tests.calibrated import calibration_of_pair
 from tests.core.orient import views
 
 CAMERA = DeviceSpec(748, 576, (0.008, 0.008), 12.0)

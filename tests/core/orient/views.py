@@ -10,7 +10,6 @@ from scipy.interpolate import RectBivariateSpline
 
 from core.geometry import (
     Pose,
-    calibration_of_pair,
     matrix_from_rotation_vector,
     pair_of,
     perturbed,
@@ -18,6 +17,7 @@ from core.geometry import (
     ray_directions,
 )
 from core.model import AdjustedDevice, DeviceSpec, Interior, Pair, PhaseMap, PhotogrammetricCalibration, TargetSet
+from tests.calibrated import calibration_of_pair
 
 CAMERA = DeviceSpec(200, 150, (0.02, 0.02), 12.0)
 PROJECTOR = DeviceSpec(640, 640, (0.09, 0.09), 182.0)

@@ -5,9 +5,10 @@ import pytest
 
 from core.checks import volume
 from core.errors import InputError
-from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector
+from core.geometry import Pose, matrix_from_rotation_vector
 from core.pipeline import volumes
 from core.pipeline.volumes import difference_figures, volume_figures
+from tests.calibrated import calibration_of_pair
 from tests.core.exchange.test_exchange_formats import CAMERA, INTERIORS, PROJECTOR, device
 
 SIGMA = np.array(

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from core.geometry import Pose, calibration_of_pair, project, ray_directions
+from core.geometry import Pose, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
+from tests.calibrated import calibration_of_pair
 
 CAMERA = DeviceSpec(94, 72, (0.064, 0.064), 12.0)
 PROJECTOR = DeviceSpec(640, 640, (0.09, 0.09), 182.0)

@@ -9,9 +9,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from core.errors import InputError
-from core.geometry import Pose, calibration_of_pair, matrix_from_rotation_vector
+from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import Interior, PhaseMap, PhotogrammetricCalibration
 from core.reconstruct import reconstruct
+from tests.calibrated import calibration_of_pair
 
 # u, v are stored as float32: at 640 lines that is 3e-5 lines, and 1.4 lines are 1 mm here; Z itself is float32 too
 EXACT_MM = 2e-4

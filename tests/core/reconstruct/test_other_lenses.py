@@ -7,13 +7,13 @@ import pytest
 
 from core.geometry import (
     Pose,
-    calibration_of_pair,
     matrix_from_axis_angle,
     project,
     ray_directions,
 )
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap
 from core.reconstruct import reconstruct
+from tests.calibrated import calibration_of_pair
 
 CAMERA, LAMP = DeviceSpec(160, 120, (0.03, 0.03), 12.0), DeviceSpec(320, 240, (0.03, 0.03), 20.0)
 EYE = Interior(12.1, 0.02, -0.03, (-0.09, 0.07, 8e-4, -6e-4, -0.03, 0, 0, 0, 0.003), 0.0, "brown")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.geometry import LENSES, Pose, calibration_of_pair, matrix_from_axis_angle
+from core.geometry import LENSES, Pose, matrix_from_axis_angle
 from core.model import (
     AdjustedDevice,
     Adjustment,
@@ -20,6 +20,7 @@ from core.model import (
     ScaleBar,
 )
 from core.report import ReportData
+from tests.calibrated import calibration_of_pair
 
 CAMERA = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
 PROJECTOR = DeviceSpec(640, 640, (0.09, 0.09), 182.0)
