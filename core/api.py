@@ -16,15 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import InputError
-from core.geometry import (
-    Pose,
-    Projection,
-    distort,
-    image_to_pixel,
-    pair_of,
-    pixel_to_image,
-    project_with_derivatives,
-)
+from core.geometry import Pose, Projection, distort, image_to_pixel, pair_of, pixel_to_image, project_with_derivatives
 from core.geometry.intersection import intersect_observations
 from core.given import as_coordinates, as_device, as_image, as_numbers, as_pattern, as_sigmas, as_size
 from core.lazy import dataclass

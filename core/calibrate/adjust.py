@@ -32,13 +32,7 @@ from core.calibrate.snooping import (
 )
 from core.calibrate.solve import DOUBTED, FITTING, SettledError, Solved, result_of, solve
 from core.calibrate.state import State
-from core.calibrate.weakness import (
-    BehindError,
-    MirroredError,
-    behind_warning,
-    geometry_warnings,
-    usual_variance,
-)
+from core.calibrate.weakness import BehindError, MirroredError, behind_warning, geometry_warnings, usual_variance
 from core.errors import AdjustmentError
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Network

@@ -96,10 +96,7 @@ class Known:
 
 
 def orient_camera(
-    spec: DeviceSpec,
-    planes: Sequence[TargetPlane],
-    *,
-    interior: tuple[Interior, Array] | None = None,
+    spec: DeviceSpec, planes: Sequence[TargetPlane], *, interior: tuple[Interior, Array] | None = None
 ) -> PlateCamera:
     """Orient the camera by the plate's targets; positions with fewer than 4 do not count.
 

@@ -54,12 +54,7 @@ class NotConvergedError(Exception):
 
 
 def iterate(
-    problem: Problem,
-    state: State,
-    *,
-    max_iterations: int = 60,
-    tolerance: float = 1e-5,
-    progress: Progress = SILENT,
+    problem: Problem, state: State, *, max_iterations: int = 60, tolerance: float = 1e-5, progress: Progress = SILENT
 ) -> Solution:
     """Iterate from approximate values to the least-squares solution.
 

@@ -70,11 +70,7 @@ def solve(network: Network, problem: Problem, state: State, options: AdjustOptio
     for round_ in range(FACTOR_ROUNDS if options.variance_components else 1):
         try:
             solution = iterate(
-                weighted,
-                state,
-                max_iterations=options.max_iterations,
-                tolerance=options.tolerance,
-                progress=progress,
+                weighted, state, max_iterations=options.max_iterations, tolerance=options.tolerance, progress=progress
             )
             state = solution.state
             inverse = solution.reduced.invert(weighted)

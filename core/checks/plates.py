@@ -44,10 +44,7 @@ class Plates:
 
 
 def see_plates(
-    calibration: PhotogrammetricCalibration,
-    targets: Sequence[TargetSet],
-    z_mm: Mapping[str, float],
-    board: Testfield,
+    calibration: PhotogrammetricCalibration, targets: Sequence[TargetSet], z_mm: Mapping[str, float], board: Testfield
 ) -> Plates:
     """Intersect the targets of every plate that has some."""
     index = board.index()

@@ -223,13 +223,7 @@ def _decode_pixels(found: _Found, sequence: Prepared, images: Sequence[Image], s
 
 
 def _mend(
-    found: _Found,
-    axis: int,
-    sequence: Prepared,
-    images: Sequence[Image],
-    seen: Seen,
-    telling: Limits,
-    at_rim: bool,
+    found: _Found, axis: int, sequence: Prepared, images: Sequence[Image], seen: Seen, telling: Limits, at_rim: bool
 ) -> _Doubt:
     """Drop or widen, in place, what a pixel alone could not know of an axis's coordinates."""
     table, missing, limits = seen.tables[axis], MISSING[axis], seen.limits

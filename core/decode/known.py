@@ -29,17 +29,7 @@ from core.decode.sample import (
     take_sample,
 )
 from core.decode.sections import measure_ripple
-from core.decode.tables import (
-    Array,
-    AxisTable,
-    Limits,
-    Rows,
-    Singles,
-    axis_table,
-    image_row,
-    make_rows,
-    no_axis,
-)
+from core.decode.tables import Array, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis
 from core.errors import InputError
 from core.lazy import dataclass
 from core.patterns import Axis, Pattern

@@ -192,9 +192,7 @@ def _check_whole(top: Entries, profile: Profile) -> None:
     plain = {"slot", "lines"} <= sent and (profile.by_axis or "plate" in sent)
     if sent and not (plain or {"slot", "column_lines", "row_lines"} <= sent):
         raise InputError(
-            load,
-            f"fields {sorted(sent)}",
-            "use slot, plate and lines, or slot, column_lines and row_lines",
+            load, f"fields {sorted(sent)}", "use slot, plate and lines, or slot, column_lines and row_lines"
         )
     if profile.chunk and not {"lines", "offset"} <= sent:
         raise InputError(load, f"fields {sorted(sent)}", "send the {offset} of every chunk of {lines}")

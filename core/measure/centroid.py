@@ -35,11 +35,7 @@ BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its
 
 
 def centroids(
-    image: NDArray[np.float32],
-    rays: Rays,
-    profile: Profiles,
-    light: Array,
-    noise: tuple[float, float],
+    image: NDArray[np.float32], rays: Rays, profile: Profiles, light: Array, noise: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Weighted centroids (m, 2) and covariances (m, 2, 2), px, of bright dots with approximate centres.
 

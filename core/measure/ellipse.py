@@ -39,11 +39,7 @@ SHARES = (5 / 18, 8 / 18, 5 / 18)
 
 
 def ellipse_centres(
-    image: NDArray[np.float32],
-    rays: Rays,
-    profile: Profiles,
-    light: Array,
-    noise: tuple[float, float],
+    image: NDArray[np.float32], rays: Rays, profile: Profiles, light: Array, noise: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Centres (m, 2) and covariances (m, 2, 2), px, of fitted ellipses; arguments as of `centroids`.
 

@@ -18,13 +18,7 @@ class Estimator(Protocol):
     """Centres (m, 2) and covariances (m, 2, 2), px, of dots seen bright; the arguments are those of `centroids`."""
 
     def __call__(
-        self,
-        image: NDArray[np.float32],
-        rays: Rays,
-        profile: Profiles,
-        light: Array,
-        noise: tuple[float, float],
-        /,
+        self, image: NDArray[np.float32], rays: Rays, profile: Profiles, light: Array, noise: tuple[float, float], /
     ) -> tuple[Array, Array]:
         """Estimate."""
         ...

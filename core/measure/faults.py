@@ -17,12 +17,7 @@ LIT = 0.45  # share of the dot's usual modulation below which a part of it count
 
 
 def shape_faults(
-    image: Floats,
-    rays: Rays,
-    profile: Profiles,
-    size: Array,
-    noise: tuple[float, float],
-    cut: NDArray[np.bool_],
+    image: Floats, rays: Rays, profile: Profiles, size: Array, noise: tuple[float, float], cut: NDArray[np.bool_]
 ) -> list[str]:
     """Say for every bright dot, (m,), why its centroid cannot be trusted; empty where it can.
 

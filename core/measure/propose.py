@@ -78,10 +78,7 @@ def bright_spots(grey: Floats) -> Blobs:
     blobs = find_blobs(small, (LEAST, MOST), places)
     scale = grey.shape[1] / width
     return replace(
-        blobs,
-        uv=(blobs.uv + 0.5) * scale - 0.5,
-        area_px=blobs.area_px * scale**2,
-        cov_px2=blobs.cov_px2 * scale**2,
+        blobs, uv=(blobs.uv + 0.5) * scale - 0.5, area_px=blobs.area_px * scale**2, cov_px2=blobs.cov_px2 * scale**2
     )
 
 

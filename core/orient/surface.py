@@ -100,9 +100,7 @@ class Surface:
             variance = variance * np.maximum(misfit, 1.0)
         q = np.where(known, self.level + np.einsum("ni,ni->n", terms, fit), np.nan)
         return Patches(
-            q,
-            variance * np.einsum("ni,nij,nj->n", terms, cofactor, terms),
-            np.einsum("nki,ni->nk", by, fit),
+            q, variance * np.einsum("ni,nij,nj->n", terms, cofactor, terms), np.einsum("nki,ni->nk", by, fit)
         )
 
     def gradient(self, patches: Patches, X: Array) -> tuple[Array, Array]:

@@ -61,11 +61,7 @@ class SequenceSpec:
         return f"{len(self.listed)} listed patterns" if self.preset is None else f"{self.preset}{more and f' ({more})'}"
 
 
-_USUAL: dict[str, tuple[Any, ...]] = {
-    "steps": (4, 3, 0, 5, 6, 8, 12),
-    "plain": (False,),
-    "axes": ("x", "y"),
-}
+_USUAL: dict[str, tuple[Any, ...]] = {"steps": (4, 3, 0, 5, 6, 8, 12), "plain": (False,), "axes": ("x", "y")}
 
 
 def like(spec: SequenceSpec, lines: Size, count: int) -> str | None:

@@ -8,15 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from core.errors import AdjustmentError, InputError
-from core.model import (
-    Adjustment,
-    Calibration,
-    Capture,
-    DeviceSpec,
-    Method,
-    PhotogrammetricCalibration,
-    Project,
-)
+from core.model import Adjustment, Calibration, Capture, DeviceSpec, Method, PhotogrammetricCalibration, Project
 from core.pipeline.decode import taken_together
 from core.pipeline.evidence import Evidence
 from core.pipeline.folders import all_captures, result_path
@@ -35,10 +27,7 @@ from core.project.lock import writing_results
 
 
 def calibrate_project(
-    project: Project,
-    method: Method = "all",
-    options: CalibrateOptions | None = None,
-    progress: Progress = SILENT,
+    project: Project, method: Method = "all", options: CalibrateOptions | None = None, progress: Progress = SILENT
 ) -> dict[Method, Calibration]:
     """Calibrate the sensor by one method, or by every method the project has captures for; keep the run.
 

@@ -169,11 +169,7 @@ def judge_plane(
 
 
 def _of_pair(
-    project: Project,
-    capture: Capture,
-    phase: PhaseMap,
-    calibrations: Mapping[Method, Calibration],
-    progress: Progress,
+    project: Project, capture: Capture, phase: PhaseMap, calibrations: Mapping[Method, Calibration], progress: Progress
 ) -> list[Row]:
     """Evaluate a plane by every calibration of a pair of devices."""
     rows, lacking = [], []

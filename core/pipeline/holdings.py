@@ -126,10 +126,7 @@ def decoded_figures(project: Project) -> dict[str, dict[str, Any]]:
 def reported_now(project: Project, contents: Look | None = None) -> Record:
     """Record what a report would be made from now."""
     contents = contents or Look(contents_of(project.path))
-    files = {
-        "evaluation": result_path(project, "evaluation.npz"),
-        "adjustment": calibration_file(project, ADJUSTMENT),
-    }
+    files = {"evaluation": result_path(project, "evaluation.npz"), "adjustment": calibration_file(project, ADJUSTMENT)}
     hashes = {name: contents.of(path) for name, path in files.items() if path is not None and path.exists()}
     hashes |= {"sign-off": signed} if (signed := signed_state(project)) else {}
     drift = {path.name: contents.of(path) for path in sorted(result_path(project, "drift").glob("*.npz"))}

@@ -39,10 +39,7 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     twice = repeated_frames(looked_at, projectors, contents, lambda frame: not np.ptp(read_image(frame.path)))
     sets = [t for t in evidence.sets if t.capture in taking_part]
     twice = twice or repeated_targets(sets)
-    of_captures, greys = (
-        [*twice, *code_concerns(evidence.captures, projectors)],
-        grey_concerns(sets),
-    )
+    of_captures, greys = ([*twice, *code_concerns(evidence.captures, projectors)], grey_concerns(sets))
     of_captures += response_concerns(sets, projectors)
     result: dict[Method, Any] = dict(evidence.calibrations)
     for name, calibration in result.items():

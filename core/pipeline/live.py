@@ -17,16 +17,7 @@ import numpy as np
 from core.errors import AdjustmentError, InputError
 from core.geometry import pair_named, pair_of
 from core.lazy import dataclass
-from core.model import (
-    DriftPoint,
-    Floats,
-    Method,
-    Pair,
-    PhaseMap,
-    PhotogrammetricCalibration,
-    PointCloud,
-    Project,
-)
+from core.model import DriftPoint, Floats, Method, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.capture import virtual_cameras, virtual_rig
 from core.pipeline.folders import check_names

@@ -13,16 +13,7 @@ from typing import Any, Literal
 from core.errors import InputError, TooLittleSeenError
 from core.geometry import knows, pair_for, pair_of
 from core.lazy import dataclass
-from core.model import (
-    Capture,
-    DriftPoint,
-    KnownLength,
-    Pair,
-    PhaseMap,
-    PhotogrammetricCalibration,
-    Project,
-    RigMotion,
-)
+from core.model import Capture, DriftPoint, KnownLength, Pair, PhaseMap, PhotogrammetricCalibration, Project, RigMotion
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import decode_series, one_series
 from core.pipeline.folders import all_captures, find_capture, result_path

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import (
-    DepthCalibration,
-    DriftPoint,
-    Method,
-    PhotogrammetricCalibration,
-    PlaneEvaluation,
-    Project,
-)
+from core.model import DepthCalibration, DriftPoint, Method, PhotogrammetricCalibration, PlaneEvaluation, Project
 from core.pipeline.calibrate import load_adjustment, load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import captures_of, known_truth, result_path

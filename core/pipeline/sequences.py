@@ -133,11 +133,5 @@ def import_into(
         return decode(patterns, images, lines=lines, where=str(frames))
 
     return import_frames(
-        read_project(folder),
-        frames,
-        subject,
-        sequence=sequence,
-        order=order,
-        decoded=decoded,
-        progress=progress,
+        read_project(folder), frames, subject, sequence=sequence, order=order, decoded=decoded, progress=progress
     )

@@ -159,13 +159,7 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
 
 
 def keep_points(
-    project: Project,
-    name: str,
-    method: Method,
-    progress: Progress = SILENT,
-    *,
-    camera: str = "",
-    projector: str = "",
+    project: Project, name: str, method: Method, progress: Progress = SILENT, *, camera: str = "", projector: str = ""
 ) -> Path:
     """Reconstruct a capture and keep its points in the project, with the record of what they were made from.
 

@@ -88,10 +88,7 @@ def difference_figures(
     names = camera or calibration.camera_name, projector or calibration.projector_name
     second = pair_named(_kept(project, other)[0], *names) if isinstance(other, int) else _of_folder(other, pair, names)
     found = difference(pair, second, depths)
-    sizes = {
-        "difference_mm": np.linalg.norm(found.shift_mm, axis=1),
-        "form_mm": np.linalg.norm(found.form_mm, axis=1),
-    }
+    sizes = {"difference_mm": np.linalg.norm(found.shift_mm, axis=1), "form_mm": np.linalg.norm(found.form_mm, axis=1)}
     test = {"statistic": found.statistic, "dof": found.dof, "limit": found.limit, "significant": found.significant}
     if pair.covariance.any() and second.covariance.any():
         sizes |= {"sigma_mm": found.sigma_mm, "form_sigma_mm": found.form_sigma_mm}

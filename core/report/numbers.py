@@ -14,10 +14,7 @@ from core.report.published import Published, published_names, read_published
 from core.report.table import Cell, Number, Table
 
 # of the control chart: name, unit, and the unit's factor
-DRIFT_ELEMENTS = (
-    *((f"turn {axis}", "µrad", 1e6) for axis in "XYZ"),
-    *((f"shift {k}", "µm", 1e3) for k in (1, 2)),
-)
+DRIFT_ELEMENTS = (*((f"turn {axis}", "µrad", 1e6) for axis in "XYZ"), *((f"shift {k}", "µm", 1e3) for k in (1, 2)))
 
 
 def published_of(data: ReportData) -> Published | None:

@@ -23,9 +23,7 @@ class CapturePage(Page):
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
-            bench,
-            self.tr("Capture"),
-            self.tr("The sequences of stripe images in this project, frame by frame."),
+            bench, self.tr("Capture"), self.tr("The sequences of stripe images in this project, frame by frame.")
         )
         self.captures = CaptureList(bench.session)
         self.frames = make(

@@ -58,17 +58,11 @@ def presets() -> list[tuple[str, RigPlan]]:
     return [
         (
             translate("NewProject", "Reference rig: SONY XC75, cross-pattern LCD"),
-            RigPlan(
-                DeviceSpec(748, 576, (0.008, 0.008), 12.1),
-                DeviceSpec(640, 640, (0.09, 0.09), 181.9),
-            ),
+            RigPlan(DeviceSpec(748, 576, (0.008, 0.008), 12.1), DeviceSpec(640, 640, (0.09, 0.09), 181.9)),
         ),
         (
             translate("NewProject", "5 Mpx camera, HDMI projector"),
-            RigPlan(
-                DeviceSpec(2448, 2048, (0.00345, 0.00345), 16.0),
-                DeviceSpec(1280, 800, (0.0076, 0.0076), 28.0),
-            ),
+            RigPlan(DeviceSpec(2448, 2048, (0.00345, 0.00345), 16.0), DeviceSpec(1280, 800, (0.0076, 0.0076), 28.0)),
         ),
     ]
 

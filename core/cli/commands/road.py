@@ -60,11 +60,7 @@ def add(commands: Commands) -> None:
         help="intersect points from every device that saw them (the default if there are several),"
         " from cameras alone, or from one camera and one projector",
     )
-    sub.add_argument(
-        "--fill",
-        choices=("texture",),
-        help="where the code fails, match the texture seen by two cameras",
-    )
+    sub.add_argument("--fill", choices=("texture",), help="where the code fails, match the texture seen by two cameras")
     sub.add_argument("--extrapolate", action="store_true", help="polynomial: also beyond the calibrated depths")
     add_devices(sub)
     sub.add_argument("--out", type=Path, required=True, metavar="FILE", help="npz ply stl obj glb pcd xyz e57 las")

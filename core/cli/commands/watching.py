@@ -38,9 +38,7 @@ def add(commands: Commands) -> None:
     add_devices(sub)
 
     sub = commands.add_on_project(
-        "features",
-        _features,
-        "measure holes, marks and edges in space; without a place, everything round",
+        "features", _features, "measure holes, marks and edges in space; without a place, everything round"
     )
     sub.add_argument("capture", metavar="CAPTURE")
     for kind, place in (("circle", "U,V,RADIUS"), ("line", "U,V,U,V")):

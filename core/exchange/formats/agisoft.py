@@ -41,10 +41,7 @@ def _write(pair: Pair, path: Path) -> list[Path]:
     more = f"  <transform>{_line(pose)}</transform>\n"
     if pair.covariance is not None:
         more += f"  <{_SIGMAS}>{_line(pair.covariance)}</{_SIGMAS}>\n"
-    texts = {
-        path: _text(pair.camera),
-        second_file(path): _text(pair.projector, more),
-    }
+    texts = {path: _text(pair.camera), second_file(path): _text(pair.projector, more)}
     return write_texts(texts)
 
 

@@ -34,10 +34,7 @@ _LENSES = {"LENSMODEL_PINHOLE": 0, "LENSMODEL_OPENCV4": 4, "LENSMODEL_OPENCV5": 
 
 def _write(pair: Pair, path: Path) -> list[Path]:
     pose = [*rotation_vector_from_matrix(pair.rotation), *(np.asarray(pair.translation_mm) / METRE_MM)]
-    texts = {
-        path: _text(pair.camera, [0.0] * 6) + noted(pair),
-        second_file(path): _text(pair.projector, pose),
-    }
+    texts = {path: _text(pair.camera, [0.0] * 6) + noted(pair), second_file(path): _text(pair.projector, pose)}
     return write_texts(texts)
 
 

@@ -24,10 +24,7 @@ def _distort(interior: Interior, xy: Array) -> Array:
     d = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     x1 = x * d - 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
     y1 = y * d - p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return np.stack(
-        [interior.c_mm * (1 + b1) * x1 + interior.x0_mm, interior.c_mm * y1 + interior.y0_mm],
-        axis=-1,
-    )
+    return np.stack([interior.c_mm * (1 + b1) * x1 + interior.x0_mm, interior.c_mm * y1 + interior.y0_mm], axis=-1)
 
 
 def _derivatives(interior: Interior, xy: Array) -> tuple[Array, Array]:

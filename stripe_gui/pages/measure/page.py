@@ -32,9 +32,7 @@ class MeasurePage(Page):
 
     def __init__(self, bench: Workbench) -> None:
         super().__init__(
-            bench,
-            self.tr("Measure"),
-            self.tr("Targets that cannot be recognised follow from four picks in the image."),
+            bench, self.tr("Measure"), self.tr("Targets that cannot be recognised follow from four picks in the image.")
         )
         self.model: Picking | None = None
         self.background: Background | None = None
