@@ -22,9 +22,9 @@ from core.calibrate.depth import DepthOptions, DepthPlane, calibrate_depth
 from core.calibrate.left_out import LeftOut, leave_captures_out
 from core.calibrate.network import network_from_targets
 from core.calibrate.next_pose import NextPose, next_poses
-from core.calibrate.options import AdjustOptions
 from core.calibrate.photogrammetric import CALIBRATION_OPTIONS, calibrate_photogrammetric
 from core.calibrate.rigid import RigidityTest
+from core.calibrate.solve import AdjustOptions
 
 __all__ = [
     "CALIBRATION_OPTIONS", "AdjustOptions", "DepthOptions", "DepthPlane", "LeftOut", "NextPose", "RigidityTest",

@@ -16,7 +16,6 @@ from core.calibrate.groups import without, wrong_group
 from core.calibrate.held import held_concerns
 from core.calibrate.initial import initial_state, misplaced, oriented_anew
 from core.calibrate.normals import SingularNormalsError
-from core.calibrate.options import DEFAULT, AdjustOptions
 from core.calibrate.problem import Problem, problem_of
 from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network
@@ -30,7 +29,7 @@ from core.calibrate.snooping import (
     sizes,
     within_images,
 )
-from core.calibrate.solve import DOUBTED, FITTING, SettledError, Solved, result_of, solve
+from core.calibrate.solve import DEFAULT, DOUBTED, FITTING, AdjustOptions, SettledError, Solved, result_of, solve
 from core.calibrate.state import State
 from core.calibrate.weakness import BehindError, MirroredError, behind_warning, geometry_warnings, usual_variance
 from core.errors import AdjustmentError

@@ -12,8 +12,7 @@ import numpy as np
 
 from core.calibrate.adjust import solve_network
 from core.calibrate.normals import reduced_equations
-from core.calibrate.options import AdjustOptions
-from core.calibrate.solve import Solved
+from core.calibrate.solve import AdjustOptions, Solved
 from core.calibrate.weakness import ORIENTATION
 from core.errors import InputError
 from core.geometry import LENSES

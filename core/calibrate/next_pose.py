@@ -16,9 +16,8 @@ from core.calibrate.adjust import solve_network
 from core.calibrate.equations import POSE, linearise
 from core.calibrate.left_out import global_names
 from core.calibrate.normals import reduced_equations
-from core.calibrate.options import AdjustOptions
 from core.calibrate.problem import problem_of
-from core.calibrate.solve import Solved
+from core.calibrate.solve import AdjustOptions, Solved
 from core.calibrate.state import interior_of
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_axis_angle, project

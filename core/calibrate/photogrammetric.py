@@ -9,12 +9,11 @@ import numpy as np
 
 from core.calibrate.adjust import explained, solve_network
 from core.calibrate.network import network_from_targets
-from core.calibrate.options import AdjustOptions
 from core.calibrate.parted import parted
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.calibrate.selection import Warnings
 from core.calibrate.shared import with_shared_errors
-from core.calibrate.solve import DOUBTED, Solved, result_of
+from core.calibrate.solve import DOUBTED, AdjustOptions, Solved, result_of
 from core.calibrate.weakness import MirroredError
 from core.errors import AdjustmentError, InputError
 from core.geometry import estimated

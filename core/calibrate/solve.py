@@ -10,7 +10,6 @@ from core.calibrate.covariance import global_cofactors, point_cofactors, redunda
 from core.calibrate.equations import Equations, linearise, misclosures
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
-from core.calibrate.options import AdjustOptions
 from core.calibrate.problem import Problem, weighted_problem
 from core.calibrate.selection import Warnings
 from core.calibrate.state import State, interior_of, station_orientations
@@ -33,6 +32,24 @@ FACTOR_ROUNDS = 20
 FITTING = 10.0  # σ0 at most of a network that explains its images
 DOUBTED = 3.0  # σ0 of a solution beyond which another one is looked for
 LEAST_FACTOR = 1e-8  # of a variance: simulated observations without noise count as ten thousand times better, no more
+
+
+@dataclass(frozen=True)
+class AdjustOptions:
+    """What can be chosen about an adjustment."""
+
+    max_iterations: int = 60  #: iterations of one solution before it counts as not converging
+    #: what the last step leaves is shorter than this, all unknowns together, in units of their sigma, or lost in the
+    #: rounding of vᵀPv
+    tolerance: float = 1e-5
+    #: estimate one variance factor per device. Off, sigma0 is that of the given weights.
+    variance_components: bool = False
+    #: leave out observations whose normalised residual exceeds this, and say how many; None keeps them all and only
+    #: reports the gross ones
+    reject_beyond: float | None = None
+
+
+DEFAULT = AdjustOptions()
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from core.errors import InputError
 from core.geometry import project, ray_directions
 from core.lazy import dataclass
 from core.model import Array, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
-from core.numerics import chi_square_limit, nearest
+from core.numerics import chi_square_limit, nearest, spaced
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
 from core.reconstruct.epipolar import depths_by_cameras
@@ -335,7 +335,7 @@ def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which:
     uncertain = np.flatnonzero(np.diag(C) > 0)
     if not len(rows) or not len(uncertain):
         return np.zeros((len(rows), 3))
-    some = np.unique(np.linspace(0, len(rows) - 1, SAMPLES).astype(int))
+    some = spaced(len(rows), SAMPLES)
     at, depths = np.stack([columns[some], rows[some]], axis=1), q[rows[some], columns[some]]
     directions = scene.directions(at)
     terms = scene.terms(at, directions, depths)

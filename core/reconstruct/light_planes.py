@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Array
-from core.numerics import quantile_of, sigma_by_median
+from core.numerics import quantile_of, sigma_by_median, spaced
 
 FEWEST = 100  # points that tell light planes
 SAMPLES = 20_000
@@ -24,7 +24,7 @@ def off_their_planes(xyz_mm: Array, lines: Array, place: Array) -> NDArray[np.bo
     """Whether points (n, 3) are off the light of their labels (n,), by more than most; `place` (n,) is any across."""
     if len(lines) < FEWEST:
         return np.zeros(len(lines), bool)
-    some = np.unique(np.linspace(0, len(lines) - 1, SAMPLES).astype(int))
+    some = spaced(len(lines), SAMPLES)
     x, label, at = (_scaled(values, some) for values in (xyz_mm, lines, place))
     A = np.column_stack([np.ones(len(x)), x, -label[:, None] * x])
     p = _fitted(A[some], label[some])
