@@ -129,13 +129,16 @@ def _machine() -> str:
 def is_leftover(path: Path) -> bool:
     """Whether a file that was being written belongs to a process that is not there any more.
 
-    Of another machine's files, and of other programs', nothing is known: they are none.
+    Of another machine's files nothing is known: they are none. Files and folders that name no machine are leftovers.
     """
     if not path.name.endswith(PART) or not path.name.startswith("."):
         return False
     pid, _, machine = next((p for p in path.name.split(".")[::-1] if "@" in p), "").partition("@")
-    mine = pid.isdigit() and machine == _machine()
-    return mine and int(pid) != os.getpid() and not is_running(int(pid))
+    if not pid.isdigit():
+        return True
+    if machine != _machine() or int(pid) == os.getpid():
+        return False
+    return not is_running(int(pid))
 
 
 def is_running(pid: int) -> bool:

@@ -291,7 +291,7 @@ def compare_runs(first: Run, second: Run) -> tuple[Difference, ...]:
     zero by definition.
     """
     for method in first.figures.keys() & second.figures.keys():
-        if all("projector_from_camera" in run.figures[method] for run in (first, second)):
+        if all({"devices", "projector_from_camera"} <= run.figures[method].keys() for run in (first, second)):
             return _of_devices(first.figures[method], second.figures[method])
     return ()
 

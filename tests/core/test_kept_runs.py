@@ -264,7 +264,7 @@ def run_with(number: int, c_mm: float, sigma: float, turn: np.ndarray, shift: np
     def device(first: float) -> dict:
         keys = [n if n.startswith("A") else f"{n}_mm" for n in LENSES["A1..A6"].names]
         values = {key: {"value": 0.0, "sigma": 0.0} for key in keys}
-        return {**values, "c_mm": {"value": first, "sigma": sigma}, "r0_mm": 2.5}
+        return {"model": "A1..A6", **values, "c_mm": {"value": first, "sigma": sigma}, "r0_mm": 2.5}
 
     relative = {
         "rotation": matrix_from_rotation_vector(turn).tolist(),
@@ -272,7 +272,8 @@ def run_with(number: int, c_mm: float, sigma: float, turn: np.ndarray, shift: np
         "rotation_sigma_rad": [1e-4] * 3,
         "translation_sigma_mm": [0.01] * 3,
     }
-    network = {"camera": device(c_mm), "projector": device(180.0), "projector_from_camera": relative}
+    devices = {"camera": device(c_mm), "projector": device(180.0)}
+    network = {"devices": devices, "projector_from_camera": relative}
     return Run(number, "", CalibrateOptions(), {"photogrammetric": ()}, {}, {}, {"photogrammetric": network})
 
 
@@ -296,7 +297,7 @@ def test_runs_are_compared_in_units_of_the_greater_sigma() -> None:
 def test_parameters_with_other_zero_radii_are_not_set_against_each_other() -> None:
     first = run_with(1, 12.000, 0.002, np.zeros(3), np.zeros(3))
     second = run_with(2, 12.010, 0.002, np.zeros(3), np.zeros(3))
-    second.figures["photogrammetric"]["camera"]["r0_mm"] = 3.0
+    second.figures["photogrammetric"]["devices"]["camera"]["r0_mm"] = 3.0
     assert {d.name: d for d in compare_runs(first, second)}["camera c"].in_sigmas is None
 
 

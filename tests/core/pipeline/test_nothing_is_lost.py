@@ -486,7 +486,7 @@ def test_check_explains_and_mends_without_loss(small: Path, spoil: Callable[[Pat
 
 
 def test_leftovers_are_told_by_their_process(tmp_path: Path) -> None:
-    assert not is_leftover(tmp_path / ".a.npz.xyz.part")  # another program's
+    assert is_leftover(tmp_path / ".a.npz.xyz.part")
     assert not is_leftover(tmp_path / f"{part_prefix('a.npz')}xyz.part")  # this process writes it
     assert not is_leftover(tmp_path / ".a.npz.1@000000.xyz.part")  # of another machine nothing is known
     mine = part_prefix("a").split(".")[2]
