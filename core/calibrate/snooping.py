@@ -53,13 +53,9 @@ def within_images(problem: Problem, normalised: Array) -> Array:
     return np.asarray(normalised / units[number][:, None])
 
 
-def critical_value(observations: int) -> float:
-    """Normalised residual that good observations exceed once in `1 / ERROR_LEVEL` adjustments of this size."""
-    return normal_limit(ERROR_LEVEL / (2 * max(observations, 1)))
-
-
 def _limit(problem: Problem) -> float:
-    return critical_value(int(np.count_nonzero(problem.root_weight)))
+    """Normalised residual that good observations exceed once in `1 / ERROR_LEVEL` adjustments of this size."""
+    return normal_limit(ERROR_LEVEL / (2 * max(int(np.count_nonzero(problem.root_weight)), 1)))
 
 
 def gross_errors(problem: Problem, size: Array, limit: float) -> Ints:

@@ -119,8 +119,7 @@ def _part(
         half = np.sqrt(np.where(found > SHOWN * chance, beyond, 0))
         if not (half > SLIGHT).any():
             return None
-    part = np.where(half > SLIGHT, half / np.maximum(1 - half, LEAST_DIRECT), 0).astype(np.float32)
-    return part
+    return np.where(half > SLIGHT, half / np.maximum(1 - half, LEAST_DIRECT), 0).astype(np.float32)
 
 
 def _by_edges(images: Sequence[Image], table: AxisTable, limits: Limits, place: Singles) -> Singles | None:

@@ -215,7 +215,8 @@ def orient_pairs(
     if not pairs or (lengths and len({pair[0] for pair in pairs}) > 1):
         one_series(look.capture, camera, projector)  # places are in one camera's image
     found: list[RigMotion] = []
-    known_pairs = [pair for pair in pairs if _knows(calibration, *pair)] or pairs[:1]  # of which what lacks is said
+    there = [pair for pair in pairs if set(pair) <= set(calibration.devices) or knows(calibration, *pair)]
+    known_pairs = there or pairs[:1]  # of which what lacks is said
     because = f"the calibration in use is of {', '.join(calibration.devices)} alone"
     untold = {pair: because for pair in pairs if pair not in known_pairs} if calibration.projectors else {}
     wanted = replace(wanted, significance=significance / len(known_pairs))
@@ -227,10 +228,6 @@ def orient_pairs(
             if not found and pair == known_pairs[-1]:
                 raise
     return found, untold
-
-
-def _knows(calibration: PhotogrammetricCalibration, camera: str, other: str) -> bool:
-    return {camera, other} <= set(calibration.devices) or knows(calibration, camera, other)
 
 
 def drift_of(
