@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +18,6 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the commands do: its threads would only spin beside our own
 
 import pytest
-from _pytest.doctest import DoctestModule
 
 from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
@@ -39,12 +38,6 @@ LONGEST = (  # above ten seconds
     "test_batch.py",
 )
 RENDERED = "quick_original"  # the fixture from which all recorded projects come
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_collect_file() -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
-    """Look for no examples in the docstrings of tests."""
-    return [found for found in (yield) if not isinstance(found, DoctestModule)]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

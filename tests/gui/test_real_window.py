@@ -26,7 +26,7 @@ from pathlib import Path
 from stripe_gui.app import Program, make_application
 from stripe_gui.pages import PAGES
 from stripe_gui.settings import Settings
-from stripe_gui.tour import wait_until
+from stripe_gui.tour import wait_until, write
 from stripe_gui.workbench import Workbench
 
 project, out = Path(sys.argv[1]), Path(sys.argv[2])
@@ -41,7 +41,7 @@ wait_until(window.isVisible)
 
 def photograph(name):
     wait_until(lambda: not bench.views.busy)
-    app.primaryScreen().grabWindow(0).save(str(out / f"{name}.png"))
+    write(out / f"{name}.png", app.primaryScreen().grabWindow(0).toImage())
 
 window.open_path(project)
 for page in PAGES:
@@ -110,7 +110,7 @@ def test_every_page_is_drawn_on_the_screen_and_nothing_goes_wrong(walked: tuple[
     assert said[1:] == []
     pictures = {page: cv2.imread(str(out / f"{page}.png")) for page in PAGES}
     for page, picture in pictures.items():
-        assert colours(picture) > 50, page  # the screen itself shows it, not only Qt's buffer
+        assert colours(picture[::2, ::2]) > 50, page  # the screen itself shows it, not only Qt's buffer
     names = list(pictures)
     for before, after in pairwise(names):
         assert (pictures[before] != pictures[after]).mean() > 0.01, (before, after)
