@@ -36,6 +36,7 @@ FAMILIES = ("5X5_{}", "4X4_{}", "6X6_{}", "7X7_{}", "APRILTAG_36h11")
 SIZES = (50, 100, 250, 1000)  # of dictionaries: each begins with the smaller ones, and takes longer to look through
 LEAST_TAGS = 4
 ENOUGH_TAGS = 10  # that fit one board: no other family is looked for
+SOFT_PX = 1.0
 BESIDE = 0.8  # sides of a tag's square from its middle to a corner of it
 NEAR = 0.15  # sides that a corner may lie off the place that the tags foretell
 TAGGED = 0.17  # radius that counts, in squares: beyond it are the tags
@@ -107,7 +108,7 @@ def _guess(
     for family, frame in layout.families:
         if best is not None and best[0] >= ENOUGH_TAGS:
             break
-        tags, ids, _ = _detector(_dictionary(family, len(ways[0])), frame, layout.step_px).detectMarkers(grey)
+        tags, ids = _found(_detector(_dictionary(family, len(ways[0])), frame, layout.step_px), grey)
         if ids is None or len(ids) < max(LEAST_TAGS, 0 if best is None else best[0]):
             continue
         centres = np.array([_crossing(tag.reshape(4, 2)) for tag in tags])
@@ -163,6 +164,16 @@ def _detector(name: str, frame: int, step_px: int) -> Any:
 
 def _marks(name: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+
+
+def _found(detector: Any, grey: NDArray[np.uint8]) -> tuple[Sequence[Array], NDArray[np.intp] | None]:
+    """The tags in an image, or in it softened: sharp frames of few pixels fall apart where grey values are parted."""
+    tags, ids, _ = detector.detectMarkers(grey)
+    if ids is not None and len(ids) >= ENOUGH_TAGS:
+        return tags, ids
+    softer, of_softer, _ = detector.detectMarkers(cv2.GaussianBlur(grey, (0, 0), SOFT_PX))
+    more = of_softer is not None and (ids is None or len(of_softer) > len(ids))
+    return (softer, of_softer) if more else (tags, ids)
 
 
 def _mapped(H: Array, at: Array) -> Array:

@@ -1,7 +1,7 @@
 """Boards of every kind as the program prints them, photographed through OpenCV's camera, told without picks."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ import pytest
 
 from core.errors import InputError, NotRecognisedError
 from core.measure import TARGET_KINDS, recognise
+from core.measure.kinds import tags
 from core.measure.turns import relabelled
 from core.model import Testfield
 from core.pipeline import print_testfield
@@ -104,6 +105,21 @@ def test_few_blurred_tags_joined_by_their_corners_are_told(seed: int) -> None:
     found, _ = recognise(phase_of(image), field, SPEC)
     at = [field.index()[key] for key in zip(found.row.tolist(), found.col.tolist(), strict=True)]
     assert np.abs(found.camera_uv - truth[at]).max() < 2.0
+
+
+def test_sharp_tags_whose_frame_is_one_narrow_cell_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """4 px a cell: where OpenCV parts the grey values hardly a tag is whole until the image is softened."""
+    one_cell = replace(tags.APRILGRID_LAYOUT, families=(("APRILTAG_36h11", 1),))
+    monkeypatch.setitem(
+        TARGET_KINDS, "aprilgrid", replace(TARGET_KINDS["aprilgrid"], drawn=partial(tags._drawn_rows, one_cell))
+    )
+    large = field_of("aprilgrid")
+    field = replace(large, xyz_mm=0.7 * large.xyz_mm, diameter_mm=0.7 * large.diameter_mm)
+    image, truth = photograph(printed(field), np.random.default_rng(0), 15, hidden=False, blur=(0.4, 0.5))
+    found, _ = recognise(phase_of(image), field, SPEC)
+    assert len(found.row) == len(field.row)
+    at = [field.index()[key] for key in zip(found.row.tolist(), found.col.tolist(), strict=True)]
+    assert np.abs(found.camera_uv - truth[at]).max() < 0.5
 
 
 @pytest.mark.parametrize("kind", ["dots", "chessboard", "rings"])
