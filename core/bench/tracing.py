@@ -26,14 +26,6 @@ def pack_device(spec: DeviceSpec, interior: Interior) -> Array:
 
 
 @inner(error_model="numpy", forceinline=True)
-def direction_of(device: Array, u: float, v: float) -> tuple[float, float]:
-    """Slopes (X/-Z, Y/-Z) of the ray that a device's pixel (u, v) sees; NaN where the polynomial has no inverse."""
-    x1, y1 = _with_distortion(device, u, v)
-    x, y = _without_distortion(device, x1, y1, x1, y1)
-    return x / device[_C], y / device[_C]
-
-
-@inner(error_model="numpy", forceinline=True)
 def _with_distortion(device: Array, u: float, v: float) -> tuple[float, float]:
     """Image coordinates (mm) of a pixel, before affinity and principal point have changed them."""
     mx = (u - (device[_W] - 1) / 2) * device[_PX]

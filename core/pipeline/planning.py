@@ -36,7 +36,7 @@ from core.patterns import (
     shows_grey,
 )
 from core.progress import SILENT, Progress
-from core.project import read_capture, read_images, read_project
+from core.project import iterate_images, read_capture, read_project
 
 HEIGHT, WIDTH = 24, 700  # px of the made-up field
 PERIODS = (6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # lines, that are tried
@@ -180,7 +180,7 @@ def _from_capture(capture: Capture, light: RigLight) -> RigLight:
     patterns = [frame.pattern for frame in capture.frames]
     if 1 not in levels or 0 not in levels or not finest_steps(patterns, "x")[1]:
         raise _UnsuitableError
-    images = read_images(capture)
+    images = list(iterate_images(capture))
     white, black = (images[levels.index(level)].astype(float) for level in (1, 0))
     span = white - black
     lit = span > 0.5 * np.quantile(span, 0.98)

@@ -24,17 +24,16 @@ from core.project.captures import (
     read_picks,
     read_project,
     read_testfield,
-    write_capture,
     write_picks,
     write_project,
     write_testfield,
 )
-from core.project.images import iterate_images, read_image, read_images, write_image
+from core.project.images import iterate_images, read_image, write_image
 from core.project.networks import read_network, write_network
 
 __all__ = [
     "ENOUGH", "add_capture", "atomic_write", "choose_sequence", "create_project", "find_project", "iterate_images",
-    "keep_picks", "kept_picks", "load_archive", "nominal_testfield", "read_capture", "read_image", "read_images",
+    "keep_picks", "kept_picks", "load_archive", "nominal_testfield", "read_capture", "read_image",
     "read_network", "read_picks", "read_project", "read_testfield", "refuse_used_folder", "save_archive",
-    "write_capture", "write_image", "write_json", "write_network", "write_picks", "write_project", "write_testfield",
+    "write_image", "write_json", "write_network", "write_picks", "write_project", "write_testfield",
 ]  # fmt: skip

@@ -27,7 +27,6 @@ from core.patterns import (
     refuse_beyond,
     uses_version_2,
 )
-from core.project.images import Image, write_image
 from core.project.lock import DOCUMENT_LOCK, lock
 from core.project.rigs import bar_to_dict, read_bar, read_rig, rig_to_dict, rig_version
 from core.project.unfinished import unfinished_status
@@ -320,18 +319,6 @@ def write_picks(path: Path, seeds: Sequence[Seed], excluded: Sequence[tuple[int,
     if excluded:
         data["excluded"] = [[row, col] for row, col in excluded]
     write_json(Path(path), data)
-
-
-def write_capture(
-    folder: Path, subject: Subject, frames: Sequence[tuple[Pattern, Image]], seeds: Sequence[Seed] = ()
-) -> None:
-    """Write a capture: the frames first, then picks.json, then capture.json, so that what it lists is there."""
-    folder = Path(folder)
-    for i, (_, image) in enumerate(frames):
-        write_image(folder / f"{i:03d}.png", image)
-    if seeds:
-        write_picks(folder / "picks.json", seeds)
-    write_capture_json(folder, subject, [(f"{i:03d}.png", pattern) for i, (pattern, _) in enumerate(frames)])
 
 
 def write_capture_json(

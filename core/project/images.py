@@ -115,19 +115,11 @@ def read_image(path: Path, shape: tuple[int, int] | None = None) -> Image:
     return np.ascontiguousarray(image)
 
 
-def read_images(capture: Capture, camera: DeviceSpec | None = None) -> list[Image]:
-    """Read all frames of a capture, in the order of its list.
-
-    Raises
-    ------
-    InputError
-        If one cannot be read, or their sizes or types differ from each other or from the camera's.
-    """
-    return list(iterate_images(capture, camera))
-
-
 def iterate_images(capture: Capture, camera: DeviceSpec | None = None) -> Iterator[Image]:
-    """Read the frames of a capture one by one, ahead on all processors, with the checks of `read_images`."""
+    """Read the frames of a capture one by one in the order of its list, ahead on all processors.
+
+    InputError if one cannot be read, or their sizes or types differ from each other or from the camera's.
+    """
     expected = None if camera is None else (camera.height, camera.width)
     of, first = "the camera in project.json has", None
     for frame, image in zip(

@@ -10,7 +10,7 @@ from core.errors import Cancelled, InputError
 from core.geometry import Pose, project, rotation_vector_from_matrix
 from core.patterns import reference_sequence
 from core.progress import Progress
-from core.project import read_capture, read_images, read_project
+from core.project import iterate_images, read_capture, read_project
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_the_project_obeys_the_interchange_format(quick):
         assert (capture.angle_deg is not None) == (capture.role == "plane")
         assert len(capture.seeds) == (4 if capture.role in ("testfield", "depth") else 0)
     assert roles == {"testfield": 8, "depth": 5, "plane": 2, "object": 2}
-    images = read_images(read_capture(project_.captures[0], project_), project_.camera)
+    images = list(iterate_images(read_capture(project_.captures[0], project_), project_.camera))
     assert images[0].dtype == np.uint8
     plate = read_capture(quick / "captures" / "depth-01", project_).testfield
     assert plate is not None

@@ -4,13 +4,28 @@ import numpy as np
 import pytest
 
 from core.bench import Form, experiment
-from core.bench.tracing import direction_of, form_at, meets_block, meets_sphere, pack_device, paint_at, place_of
+from core.bench.tracing import (
+    _with_distortion,
+    _without_distortion,
+    form_at,
+    meets_block,
+    meets_sphere,
+    pack_device,
+    paint_at,
+    place_of,
+)
 from core.geometry import project, ray_directions
 
 
 @pytest.fixture(scope="module")
 def rig():
     return experiment("paper").rig
+
+
+def direction_of(device, c_mm, u, v):
+    """Slopes of the ray that a pixel sees."""
+    x1, y1 = _with_distortion(device, u, v)
+    return np.array(_without_distortion(device, x1, y1, x1, y1)) / c_mm
 
 
 @pytest.mark.parametrize("device", ["camera", "projector"])
@@ -20,7 +35,7 @@ def test_a_pixel_sees_the_ray_that_core_geometry_gives(rig, device):
     rng = np.random.default_rng(0)
     uv = rng.uniform([-20, -20], [spec.width + 20, spec.height + 20], (300, 2))
     expected = ray_directions(spec, interior, uv)
-    seen = np.array([direction_of(packed, u, v) for u, v in uv])
+    seen = np.array([direction_of(packed, interior.c_mm, u, v) for u, v in uv])
     np.testing.assert_allclose(seen, expected[:, :2], atol=1e-10)  # both iterate to 1e-9 mm
 
 
@@ -36,7 +51,7 @@ def test_a_point_appears_where_core_geometry_puts_it(rig, device):
 def test_no_ray_where_the_polynomial_has_no_inverse(rig):
     packed = pack_device(rig.camera, rig.camera_interior)
     packed[3] = -0.2  # x(1 - 0.2 (r² - r0²)) turns back before the corner
-    assert np.all(np.isnan(direction_of(packed, 0.0, 0.0)))
+    assert np.all(np.isnan(direction_of(packed, 1.0, 0.0, 0.0)))
 
 
 def test_the_form_and_its_slopes():

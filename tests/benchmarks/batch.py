@@ -12,7 +12,7 @@ from core.patterns import reference_sequence
 from core.pipeline import decode_capture, phase_maps
 from core.pipeline.decode import decode_images, from_phase_maps
 from core.progress import SILENT
-from core.project import read_capture, read_images, read_project, write_image, write_project
+from core.project import iterate_images, read_capture, read_project, write_image, write_project
 from core.project.captures import write_capture_json
 from tests.benchmarks.scenes import LINES, Frames, frames
 from tests.benchmarks.timing import EFFORT, OURS, Contestant, Row, race
@@ -77,7 +77,7 @@ def _in_turn(project: Project) -> PhaseMap:
 
 def _at_once(project: Project) -> PhaseMap:
     captures = [read_capture(path, project) for path in project.captures]
-    images = [read_images(capture) for capture in captures]
+    images = [list(iterate_images(capture)) for capture in captures]
     for capture, own in zip(captures, images, strict=True):
         last = decode_images(capture, own, project, SILENT)
     return last

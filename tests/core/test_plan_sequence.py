@@ -16,7 +16,7 @@ from core.model import DeviceSpec, Subject
 from core.patterns import axis_of, brightness, parse_sequence
 from core.pipeline.planning import expected, plan_sequence, rig_light
 from core.project import add_capture, create_project, read_project
-from core.project.captures import write_capture
+from tests.captures import write_capture
 
 LINES, CAMERA = (160, 160), (320, 40)
 CONTRAST, AMBIENT, NOISE, BLUR = 90.0, 14.0, 2.2, 0.6

@@ -12,7 +12,8 @@ from core.devices.scene import FlatScene
 from core.errors import Cancelled, DeviceError, InputError
 from core.model import Project, Subject
 from core.progress import Progress
-from core.project import read_capture, read_image, write_capture
+from core.project import read_capture, read_image
+from tests.captures import write_capture
 
 FLAT = "virtual:flat"
 

@@ -15,8 +15,9 @@ from core.cli import main
 from core.model import Subject
 from core.pipeline import drift_of
 from core.pipeline.report import report_data
-from core.project import read_project, write_capture
+from core.project import read_project
 from core.report.chapters import CHAPTERS, tables
+from tests.captures import write_capture
 
 
 @pytest.fixture(scope="module")

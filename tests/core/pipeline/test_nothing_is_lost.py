@@ -29,10 +29,11 @@ from core.pipeline import CalibrateOptions, Run, current_runs, list_runs, simula
 from core.pipeline.check import check_project
 from core.pipeline.runs import calibration_file, keep_run
 from core.progress import Progress
-from core.project import add_capture, load_archive, read_image, read_project, write_capture, write_project
+from core.project import add_capture, load_archive, read_image, read_project, write_project
 from core.project.contents import hash_file
 from core.project.lock import RESULTS_LOCK, holder_of, writing_results
 from core.project.made import guarding
+from tests.captures import write_capture
 
 SPEC = DeviceSpec(8, 6, (0.01, 0.01), 12.0)
 NAMES = ("photogrammetric.npz", "adjustment.npz", "polynomial.npz")

@@ -34,20 +34,20 @@ from core.project import (
     add_capture,
     atomic_write,
     find_project,
+    iterate_images,
     load_archive,
     read_capture,
     read_image,
-    read_images,
     read_network,
     read_project,
     read_testfield,
     save_archive,
-    write_capture,
     write_image,
     write_network,
     write_project,
     write_testfield,
 )
+from tests.captures import write_capture
 
 CAMERA = DeviceSpec(40, 30, (0.008, 0.008), 12.0)
 PROJECTOR = DeviceSpec(64, 48, (0.09, 0.09), 182.0, r0_mm=3.0)
@@ -90,7 +90,7 @@ def test_a_project_comes_back(folder: Path) -> None:
     assert capture.testfield is not None
     np.testing.assert_array_equal(capture.testfield.xyz_mm, FIELD.xyz_mm)
     assert capture.testfield.polarity == "black-on-white"
-    assert len(read_images(capture, project.camera)) == len(capture.frames)
+    assert len(list(iterate_images(capture, project.camera))) == len(capture.frames)
 
 
 def test_a_capture_finds_its_project(folder: Path) -> None:
@@ -297,12 +297,12 @@ def test_frames_of_different_sizes_or_depths_are_refused(folder: Path) -> None:
     capture = read_capture(folder / "captures/tf-01")
     write_image(capture.frames[7].path, np.zeros((30, 41), np.uint8))
     with pytest.raises(InputError, match=r"007\.png.*41x30.*40x30"):
-        read_images(capture)
+        list(iterate_images(capture))
     write_image(capture.frames[7].path, np.zeros((30, 40), np.uint16))
     with pytest.raises(InputError, match=r"007\.png.*uint16"):
-        read_images(capture)
+        list(iterate_images(capture))
     with pytest.raises(InputError, match=r"000\.png.*project\.json"):
-        read_images(capture, DeviceSpec(99, 30, (0.01, 0.01), 9.0))
+        list(iterate_images(capture, DeviceSpec(99, 30, (0.01, 0.01), 9.0)))
 
 
 # ------------------------------------------------------------------------------------------------- atomic, archives
