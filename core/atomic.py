@@ -89,6 +89,8 @@ def check_place(path: Path) -> None:
     if _is_stream(path):
         return
     try:
+        with suppress(FileNotFoundError):
+            path.lstat()  # a name may be too long
         nearest = next(parent for parent in path.absolute().parents if parent.exists())
         tempfile.TemporaryFile(dir=nearest).close()  # on Linux without a name, which a kill would leave
     except OSError as error:
