@@ -12,6 +12,11 @@ from core.model import Array, Floats
 from core.numerics import four_pixels, row_median
 from core.parallel import run_in_bands
 
+TERMS = 6  # of a quadratic surface
+FOUND = 6  # figures of a fitted surface, see `_fit_surfaces`
+MOST_TWIST = 9.0  # times its expectation that the square of one counts at most
+BY_CHANCE = 0.1  # part by which sound captures' twists are smaller than expected
+INTERIOR, RING = 0.85, 0.8  # radii of a dot: inside are its own pixels; width of the ring around that is like it
 JUMP_LINES = 0.5  # a value this far (and six sigma) off the rest of the dot is a decoding error, not a measurement
 
 
@@ -31,46 +36,65 @@ def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
 
 
 def inside_dot(values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array) -> tuple[Array, Array]:
-    """Value and sigma (n,) at the middle of a weighted plane through the valid pixels of each dot's interior."""
-    return _surface(values, sigma, uv, ellipse, np.zeros(len(uv)), np.minimum(window, 0.85), 3)
+    """Value and sigma (n,) at the middle of a quadratic surface through the valid pixels of each dot's interior.
+
+    It has three to six times the precision of the four pixels around the middle. The quadratic terms carry the
+    perspective across the dot.
+    """
+    return _surface(values, sigma, uv, ellipse, np.zeros(len(uv)), np.minimum(window, INTERIOR))
 
 
 def around_dot(values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array) -> tuple[Array, Array]:
     """Value and sigma (n,) at the middle of a quadratic surface through the valid pixels round each dot.
 
-    For dots too dark, or too bright, to be decoded themselves: the board around them lies in the same surface. The
-    quadratic terms carry the perspective across the ring.
+    For dots too dark, or too bright, to be decoded themselves: the board around them lies in the same surface.
     """
-    return _surface(values, sigma, uv, ellipse, window, window + 0.8, 6)
+    return _surface(values, sigma, uv, ellipse, window, window + RING)
 
 
 def _surface(
-    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, terms: int
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array
 ) -> tuple[Array, Array]:
-    """Weighted robust fit of 3 (plane) or 6 (quadratic) terms to the pixels between two radii in the unit disc."""
-    out = np.full((len(uv), 2), np.nan)
+    """Weighted robust fit of a quadratic surface to the pixels between two radii in the unit disc.
+
+    Errors of decoding that depend on the place in the pattern are common to neighbours along its lines, and cancel in
+    part across them. Blocks of four pixels then twist less than the residuals let expect; by that part, a row of n
+    pixels counts as the root of n.
+    """
+    found = np.zeros((len(uv), FOUND))
 
     def band(a: int, b: int) -> None:
-        _fit_surfaces(values, sigma, uv[a:b], ellipse[a:b], inner[a:b], outer[a:b], terms, out[a:b])
+        _fit_surfaces(values, sigma, uv[a:b], ellipse[a:b], inner[a:b], outer[a:b], found[a:b])
 
     run_in_bands(band, len(uv), least=32)
-    return out[:, 0], out[:, 1]
+    value, variance, misfit, redundancy, *_, blocks = found.T
+    squares, of, twists, number = found[np.isfinite(value) & (blocks > 0), 2:].sum(axis=0)
+    common = 1 - (twists / number) / (squares / of) if squares * number > 0 else 0.0
+    common = max(common - BY_CHANCE, 0) / (1 - BY_CHANCE)
+    row = (redundancy + TERMS) / (2 * outer * np.sqrt(np.abs(np.linalg.det(ellipse))))  # px
+    widened = 1 + common * np.maximum(np.sqrt(row) - 1, 0)
+    misfit = np.maximum(misfit / np.maximum(redundancy, 1), 1)  # of blur beside other prints
+    return value, np.sqrt(variance * misfit * widened)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit_surfaces(
-    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, terms: int, out: Array
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, found: Array
 ) -> None:  # pragma: no cover  compiled
-    N, b, surface = np.empty((terms, terms)), np.empty(terms), np.empty(terms)
+    """Set `found`: value, its variance; weighted squares of residuals, redundancy; squares of twists, their number."""
+    N, b, surface = np.empty((TERMS, TERMS)), np.empty(TERMS), np.empty(TERMS)
     for k in range(len(uv)):
         p, q, r, s = ellipse[k, 0, 0], ellipse[k, 0, 1], ellipse[k, 1, 0], ellipse[k, 1, 1]
         du, dv = outer[k] * np.hypot(p, q) + 1, outer[k] * np.hypot(r, s) + 1
+        found[k, :2] = np.nan
         if not (np.isfinite(uv[k, 0] + du) and np.isfinite(uv[k, 1] + dv)):
             continue
         left, right = max(int(uv[k, 0] - du), 0), min(int(uv[k, 0] + du) + 1, values.shape[1] - 1)
         top, bottom = max(int(uv[k, 1] - dv), 0), min(int(uv[k, 1] + dv) + 1, values.shape[0] - 1)
-        room, n = max(right - left + 1, 0) * max(bottom - top + 1, 0), 0
-        A, y, weight, off = np.empty((room, 6)), np.empty(room), np.empty(room), np.empty(room)
+        across = max(right - left + 1, 0)
+        room, n = across * max(bottom - top + 1, 0), 0
+        A, y, weight, off = np.empty((room, TERMS)), np.empty(room), np.empty(room), np.empty(room)
+        number = np.full(room, -1)  # of a pixel, among those that count
         for v in range(top, bottom + 1):
             for u in range(left, right + 1):
                 du, dv = u - uv[k, 0], v - uv[k, 1]
@@ -79,30 +103,32 @@ def _fit_surfaces(
                 if inner[k] <= radius <= outer[k] and np.isfinite(values[v, u]) and sigma[v, u] > 0:
                     A[n, 0], A[n, 1], A[n, 2], A[n, 3], A[n, 4], A[n, 5] = 1.0, x, z, x * x, x * z, z * z
                     y[n], weight[n] = values[v, u], 1 / np.float64(sigma[v, u]) ** 2
+                    number[(v - top) * across + u - left] = n
                     n += 1
+        found[k, 4], found[k, 5] = _twists(y, weight, number, across)
         for _ in range(3):
             N[:], b[:], quadrants = 0.0, 0.0, np.zeros(4)
             for i in range(n):
                 quadrants[2 * (A[i, 1] > 0) + (A[i, 2] > 0)] += 1
-                for j in range(terms):
+                for j in range(TERMS):
                     b[j] += A[i, j] * weight[i] * y[i]
-                    for m in range(terms):
+                    for m in range(TERMS):
                         N[j, m] += A[i, j] * weight[i] * A[i, m]
             # never a value that only one side vouches for
-            if quadrants.min() < terms - 1 or not inverted(N):
-                out[k] = np.nan
+            if quadrants.min() < TERMS - 1 or not inverted(N):
+                found[k, :2] = np.nan
                 break
             surface[:], misfit = 0.0, 0.0
-            for j in range(terms):
-                for m in range(terms):
+            for j in range(TERMS):
+                for m in range(TERMS):
                     surface[j] += N[j, m] * b[m]
             for i in range(n):
                 rest = y[i]
-                for j in range(terms):
+                for j in range(TERMS):
                     rest -= A[i, j] * surface[j]
                 off[i] = abs(rest)
-                misfit += off[i] ** 2 * weight[i] / (n - terms)  # of blur beside other prints
-            out[k, 0], out[k, 1] = surface[0], np.sqrt(N[0, 0] * max(misfit, 1.0))
+                misfit += off[i] ** 2 * weight[i]
+            found[k, 0], found[k, 1], found[k, 2], found[k, 3] = surface[0], N[0, 0], misfit, n - TERMS
             limit, kept = max(3.0 * np.median(off[:n]), 0.05), 0
             for i in range(n):
                 if off[i] < 5 / np.sqrt(weight[i]) + limit:
@@ -111,6 +137,22 @@ def _fit_surfaces(
             if kept == n:
                 break
             n = kept
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _twists(y: Array, weight: Array, number: NDArray[np.int64], across: int) -> tuple[float, int]:  # pragma: no cover
+    """Sum of the squared twists of blocks of four pixels, over what independent errors let expect, and their number.
+
+    `number` tells where in `y` and `weight` every pixel of a rectangle, `across` wide, is; -1 where it does not count.
+    """
+    total, blocks = 0.0, 0
+    for at in range(len(number) - across - 1):
+        a, c, d, e = number[at], number[at + 1], number[at + across], number[at + across + 1]
+        if (at + 1) % across and min(a, c, d, e) >= 0:
+            expected = 1 / weight[a] + 1 / weight[c] + 1 / weight[d] + 1 / weight[e]
+            total += min((y[a] - y[c] - y[d] + y[e]) ** 2 / expected, MOST_TWIST)
+            blocks += 1
+    return total, blocks
 
 
 def refuse_jumps(values: Floats, uv: Array, ellipse: Array, found: Array, sigma: Array) -> NDArray[np.bool_]:

@@ -163,7 +163,7 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
         found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)
-        for which, fit, to in ((lost & lit, inside_dot, window), (dark | (lost & ~lit), around_dot, ground)):
+        for which, fit, to in ((lit & ~np.bool_(dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)):
             value, its_error = fit(values, spread, centre[which], ellipse[which], to[which])
             valid = np.isfinite(value)
             better = np.flatnonzero(which)[valid]
