@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -84,6 +84,15 @@ def recognise(
                     "cover one of them, or pick 4 targets of the one that is meant",
                 )
         return found, ways
+    other: Literal["white-on-black", "black-on-white"] = (
+        "white-on-black" if testfield.polarity == "black-on-white" else "black-on-white"
+    )
+    if kind.round and kind.guess(phase.image, replace(testfield, polarity=other), camera, (), facing)[1]:
+        raise NotRecognisedError(
+            capture or "image",
+            f"the board looks like one of polarity {other}, its testfield file says {testfield.polarity}",
+            "correct it if that file is of this board, or pick 4 targets",
+        )
     what = f"{seen} {kind.plural} in order, which do not fit the board" if seen else f"no {kind.plural} in order"
     raise NotRecognisedError(
         capture or "image",

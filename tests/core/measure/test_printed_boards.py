@@ -44,6 +44,13 @@ def test_a_mirrored_image_is_named(kind: str) -> None:
         recognise(phase_of(np.ascontiguousarray(image[:, ::-1])), field_of(kind), SPEC)
 
 
+@pytest.mark.parametrize("kind", ["dots", "rings"])
+def test_a_board_of_the_other_polarity_is_named(kind: str) -> None:
+    image, _ = photograph(board_of(kind), np.random.default_rng(1), 20, hidden=False)
+    with pytest.raises(NotRecognisedError, match=r"looks like one of polarity black-on-white, .* says white-on-black"):
+        recognise(phase_of(image), replace(field_of(kind), polarity="white-on-black"), SPEC)
+
+
 @pytest.mark.parametrize("kind", ["dots", "chessboard"])
 def test_a_board_without_codes_is_told_but_for_its_turn_with_a_quarter_hidden(kind: str) -> None:
     rng = np.random.default_rng(11)
