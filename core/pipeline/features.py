@@ -99,6 +99,7 @@ def _numbers(kind: str, text: str) -> np.ndarray:
         numbers = np.array([float(word) for word in text.split(",")])
     except ValueError:
         numbers = np.zeros(0)
-    if len(numbers) != GIVEN[kind].count(",") + 1 or not np.isfinite(numbers).all():
+    whole = len(numbers) == GIVEN[kind].count(",") + 1 and np.isfinite(numbers).all()
+    if not whole or (numbers[2] <= 0 if kind == "circle" else np.array_equal(numbers[:2], numbers[2:])):
         raise InputError(f"--{kind}", repr(text), f"give {GIVEN[kind]} in px")
     return numbers

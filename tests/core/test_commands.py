@@ -231,3 +231,19 @@ def test_figures_are_written_though_nobody_reads_the_text(calibrated: Path, tmp_
         assert process.stderr.read() == b""
     assert process.returncode == 0
     assert json.loads(figures.read_text())["runs"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["features", "object-step", "--circle=100,100,-3"],
+        ["features", "object-step", "--line=10,10,10,10"],
+        ["live", "--count=0"],
+    ],
+)
+def test_numbers_that_measure_or_count_nothing_are_refused(words: list[str], calibrated: Path, capsys) -> None:
+    assert main([words[0], str(calibrated), *words[1:]]) == 2
+    option, value = words[-1].split("=")
+    assert capsys.readouterr().err.startswith(
+        (f"stripe-core: {option}: is {value};", f"stripe-core: {option}: '{value}';")
+    )

@@ -52,7 +52,7 @@ def add(commands: Commands) -> None:
     sub.add_argument(
         "--method", type=method_name, metavar="METHOD", help="photogrammetric (default, if any) or polynomial"
     )
-    sub.add_argument("--count", type=int, default=0, metavar="N", help="end after N sequences")
+    sub.add_argument("--count", type=int, metavar="N", help="end after N sequences")
     sub.add_argument("--out", type=Path, metavar="DIR", help="write the points of every sequence")
     sub.add_argument(
         "--format", default="ply", metavar="ENDING", help="format of the points: ply (default), npz, las, ..."
@@ -110,6 +110,8 @@ def _features(options: Options, progress: Progress) -> dict[str, Any]:
 def _live(options: Options, progress: Progress) -> dict[str, Any]:
     from contextlib import closing
 
+    if options.count is not None and options.count < 1:
+        raise InputError("--count", f"is {options.count}", "give 1 or more")
     name, url = named_url(options.projector or "")
     cycles = pipeline.live_cycles(
         options.project,
@@ -118,7 +120,7 @@ def _live(options: Options, progress: Progress) -> dict[str, Any]:
         shown_by=name,
         method=options.method,
         sequence=chosen_sequence(options),
-        count=options.count,
+        count=options.count or 0,
         out=options.out,
         ending=options.format,
         progress=progress,
