@@ -21,6 +21,7 @@ from core.progress import SILENT, Progress
 DEEP = 0.2  # of a board's size that its targets' z may span; more is said where its picks do not fit
 READ_DOUBT = 0.5  # share of the softer side's light that depends on the print round a target, per px of its widening
 BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
+ROUGH = 2.0  # times that of four pixels: with a greater sigma a dot is decoded wrongly towards its rim
 
 
 def measure_targets(
@@ -165,7 +166,7 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
         lit = decoded_inside(values, centre, ellipse)
         for which, fit, to in ((lit & ~np.bool_(dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)):
             value, its_error = fit(values, spread, centre[which], ellipse[which], to[which])
-            valid = np.isfinite(value)
+            valid = np.isfinite(value) & (dark | lost[which] | (its_error < ROUGH * error[which]))
             better = np.flatnonzero(which)[valid]
             found[better], error[better] = value[valid], its_error[valid]
         error[~np.isfinite(found)] = np.nan

@@ -89,6 +89,17 @@ def test_an_invalid_or_wrong_pixel_in_the_middle_is_bridged_by_the_rest_of_the_d
     assert np.all(found.projector_sigma[:, 0] < 1.05 * before.projector_sigma[:, 0])
 
 
+def test_a_rim_that_is_decoded_wrongly_moves_no_value(bench, truth):
+    phase = truth.phase()
+    before, u = measured(truth, phase), phase.u.copy()
+    for (x, y), radius in zip(before.camera_uv, before.diameter_px / 2, strict=True):
+        rows, columns = np.mgrid[: u.shape[0], : u.shape[1]]
+        u[(np.hypot(columns - x, rows - y) < radius) & (columns - x > 0.55 * radius)] += 4.0
+    found = measured(truth, replace(phase, u=u))
+    assert len(found.row) == len(before.row)
+    assert np.allclose(found.projector_uv, bench.true_projector(found.camera_uv), atol=2e-3)
+
+
 def test_dots_too_dark_to_be_decoded_take_their_coordinates_from_round_them(bench):
     field = bench.grid(7, 9, polarity="black-on-white")
     truth = bench.scene(bench.look(25, 20, 0), field=field, noise=1.0, samples=3)
