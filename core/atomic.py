@@ -120,7 +120,7 @@ def flush_folder(folder: Path) -> None:
 
 def part_prefix(name: str) -> str:
     """Begin the name of a file that is being written: it says for which file, and by which process of which machine."""
-    return f".{name[:60]}.{os.getpid()}@{_machine()}."
+    return f".{name[:50]}.{os.getpid()}@{_machine()}."
 
 
 @cache

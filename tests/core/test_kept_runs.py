@@ -301,6 +301,12 @@ def test_parameters_with_other_zero_radii_are_not_set_against_each_other() -> No
     assert {d.name: d for d in compare_runs(first, second)}["camera c"].in_sigmas is None
 
 
+def test_a_run_of_cameras_alone_is_not_compared() -> None:
+    first, second = (run_with(n, 12.000, 0.002, np.zeros(3), np.zeros(3)) for n in (1, 2))
+    del second.figures["photogrammetric"]["projector_from_camera"]
+    assert compare_runs(first, second) == ()
+
+
 def test_a_run_without_a_photogrammetric_calibration_is_not_compared() -> None:
     first = run_with(1, 12.000, 0.002, np.zeros(3), np.zeros(3))
     assert compare_runs(first, replace(first, figures={"polynomial": {}})) == ()

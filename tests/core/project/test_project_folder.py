@@ -335,6 +335,12 @@ def test_a_place_is_tried_beforehand_and_left_as_it_was(tmp_path: Path) -> None:
     assert (tmp_path / "file").read_text() == "old"
 
 
+def test_a_name_as_long_as_names_can_be_is_written(tmp_path: Path) -> None:
+    for name in ("x" * 255, "\U0001d54a" * 63):
+        check_place(tmp_path / name)
+        write_json(tmp_path / name, [1])
+
+
 def test_links_and_pipes_stay_what_they_are(tmp_path: Path) -> None:
     link, pipe = tmp_path / "link.json", tmp_path / "pipe"
     link.symlink_to("target.json")
