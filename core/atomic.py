@@ -242,7 +242,8 @@ def unwritable(
     seen = f"cannot be written ({error.strerror or error})"
     if error.errno in _DISK:
         return StripeError(path, seen, room)
-    return InputError(path, seen, "choose a folder you may write to")
+    too_long = error.errno == errno.ENAMETOOLONG
+    return InputError(path, seen, "give a shorter name" if too_long else "choose a folder you may write to")
 
 
 def _is_stream(path: Path) -> bool:

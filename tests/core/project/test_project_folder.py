@@ -339,6 +339,8 @@ def test_a_name_as_long_as_names_can_be_is_written(tmp_path: Path) -> None:
     for name in ("x" * 255, "\U0001d54a" * 63):
         check_place(tmp_path / name)
         write_json(tmp_path / name, [1])
+    with pytest.raises(InputError, match="give a shorter name"):
+        check_place(tmp_path / ("x" * 256))
 
 
 def test_links_and_pipes_stay_what_they_are(tmp_path: Path) -> None:
