@@ -59,7 +59,10 @@ def recognise(
 
     seen = 0
     for image in (phase, _mirrored(phase)) if kind.coded else (phase,):  # what is not coded has no mirror image
-        seen_uv, guesses = kind.guess(image.image, testfield, camera, (), facing)
+        try:
+            seen_uv, guesses = kind.guess(image.image, testfield, camera, (), facing)
+        except NotRecognisedError as error:
+            raise NotRecognisedError(capture or "image", error.seen, error.remedy) from None
         seen = len(seen_uv) if image is phase else seen
         if not (first := held(image, guesses)):
             continue

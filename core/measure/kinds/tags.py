@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.errors import NotRecognisedError
 from core.lazy import dataclass
 from core.measure.board import Board
 from core.measure.kinds.chessboard import (
@@ -40,6 +41,8 @@ SOFT_PX = 1.0
 BESIDE = 0.8  # sides of a tag's square from its middle to a corner of it
 NEAR = 0.15  # sides that a corner may lie off the place that the tags foretell
 TAGGED = 0.17  # radius that counts, in squares: beyond it are the tags
+UNLIKE = 0.05  # part by which a tag's side may differ from what the file says of tags and gaps
+TELLING_PX = 12.0  # side of a tag from which its size is told so well
 SHARE = 0.7  # of a square that a printed tag fills
 FRAMED = 0.16  # radius that counts, in sides of a tag: beyond it its cells may be white
 
@@ -50,13 +53,15 @@ class Layout:
 
     `families` are the dictionaries and black frames, in cells, that are tried; `places` gives the corners (n, 2) in
     sides of a tag's square, the middles (k, 2) of the tags by number for each way that such a board is printed, and the
-    side, mm. `step_px` is how much larger each window is whose mean tells dark from bright, of 3 to 23 px.
+    side, mm; `sized` says that this is the tag's own. `step_px` is how much larger each window is whose mean tells dark
+    from bright, of 3 to 23 px.
     """
 
     families: tuple[tuple[str, int], ...]
     places: Callable[[Testfield], tuple[Array, tuple[Array, ...], float]]
     shape: CornerShape
     step_px: int = 10
+    sized: bool = True
 
 
 def _on_squares(testfield: Testfield) -> tuple[Array, tuple[Array, ...], float]:
@@ -88,6 +93,7 @@ CHARUCO_LAYOUT = Layout(
     tuple((family, 1) for family in FAMILIES),
     _on_squares,
     CornerShape(lambda board: 2 * TAGGED * board.radius_mm, rough=0.12),
+    sized=False,
 )
 APRILGRID_LAYOUT = Layout(  # blur joins its tags by their corners, and few windows part them
     (("APRILTAG_36h11", 2), ("APRILTAG_36h11", 1)), _in_rows, CornerShape(_framed_mm), step_px=2
@@ -100,9 +106,15 @@ TAGS_LAYOUT = Layout(
 def _guess(
     layout: Layout, image: NDArray, testfield: Testfield, camera: DeviceSpec, known: Sequence[Seed], side: str
 ) -> tuple[Array, Guesses]:
-    """Place the board by its tags."""
+    """Place the board by its tags.
+
+    Raises
+    ------
+    NotRecognisedError
+        If the tags are of another size, beside the gaps between them, than the testfield says.
+    """
     grey = eight_bits(image)
-    best: tuple[int, Array, Array, Array] | None = None
+    best: tuple[int, Array, Array, Array, Array] | None = None
     seen: Array = np.zeros((0, 2))
     corner, ways, _ = layout.places(testfield)
     for family, frame in layout.families:
@@ -123,10 +135,14 @@ def _guess(
                 continue
             if best is None or fits.sum() > best[0]:
                 fit = fits.ravel() > 0
-                best, seen = (int(fits.sum()), np.asarray(H, np.float64), places[fit], centres[use[fit]]), centres
+                quads = np.array(tags, np.float64).reshape(-1, 4, 2)[use[fit]]
+                best = (int(fits.sum()), np.asarray(H, np.float64), places[fit], centres[use[fit]], quads)
+                seen = centres
     if best is None:
         return seen, ()
-    _, H, near, near_uv = best
+    _, H, near, near_uv, quads = best
+    if layout.sized and 2 * len(near) > len(seen):
+        _check_size(grey, H, near, quads)
     away = np.linalg.norm(corner[:, None] - near[None], axis=2)
     own = away.argmin(axis=1)
     uv = _mapped(H, corner) + (near_uv - _mapped(H, near))[own]  # a lens is smooth
@@ -148,6 +164,26 @@ def _guess(
         for k in chosen
     )
     return seen, (seeds,) if len(seeds) >= 4 else ()
+
+
+def _check_size(grey: NDArray[np.uint8], H: Array, places: Array, quads: Array) -> None:
+    """Compare tags, outlines (n, 4, 2) px, with what the board's way to the image makes of their size."""
+    foretold = _areas(_mapped(H, places[:, None] + _UNIT - 0.5).reshape(-1, 4, 2))
+    half = max(2, int(np.sqrt(np.median(foretold)) / 10))
+    found = _areas(refined(grey, quads.reshape(-1, 2), half).reshape(-1, 4, 2))
+    ratio = float(np.sqrt(np.median(found / foretold)))
+    if np.median(foretold) > TELLING_PX**2 and abs(ratio - 1) > UNLIKE:
+        raise NotRecognisedError(
+            "image",
+            f"beside the gaps between them, the tags are {ratio:.2f} times as large as the testfield file says",
+            "correct its coordinates: the size of the tags, or of the gaps, is another one",
+        )
+
+
+def _areas(quads: Array) -> Array:
+    """Areas (n,) of quadrilaterals (n, 4, 2)."""
+    (ax, ay), (bx, by) = ((quads[:, k + 2] - quads[:, k]).T for k in (0, 1))
+    return np.asarray(np.abs(ax * by - ay * bx) / 2)
 
 
 def _dictionary(family: str, tags: int) -> str:
