@@ -77,7 +77,10 @@ def recognise(
         found, ways = first[1], (SAME, *dict.fromkeys(others))
         own = _reach(testfield, camera, found, ways)
         rest = replace(phase, image=np.where(own, np.nanmedian(phase.image), phase.image).astype(np.float32))
-        if second := held(rest, kind.guess(rest.image, testfield, camera, (), facing)[1]):
+        second = None
+        with suppress(NotRecognisedError):  # what else is seen may be another board, whose tags are of another size
+            second = held(rest, kind.guess(rest.image, testfield, camera, (), facing)[1])
+        if second:
             u, v = np.rint(second[1].camera_uv).astype(int).T
             beside = np.count_nonzero(~own[v, u])
             if beside > ANOTHER * len(found.row):

@@ -148,13 +148,28 @@ def test_a_board_whose_coordinates_are_tilted_is_no_second_one(kind: str) -> Non
     assert len(found.row) > 0.95 * len(field.row)
 
 
+def closer_tags(kind: str) -> Testfield:
+    """Tags as large as those of `field_of`, with gaps of 4.8 instead of 7.2 mm."""
+    field = field_of(kind)
+    x, y = field.xyz_mm[:, 0], field.xyz_mm[:, 1]
+    xyz = np.column_stack([x - x // 31.2 * 2.4, y - np.trunc(y / 31.2) * 2.4, 0 * x])
+    return replace(field, xyz_mm=xyz, diameter_mm=np.full(len(x), 4.8))
+
+
 @pytest.mark.parametrize("kind", ["aprilgrid", "tags"])
 def test_tags_of_another_size_than_the_file_says_are_named(kind: str) -> None:
     """With the gap two thirds of what it is, 26 to 60 of 168 corners were measured, five of them 10 px off."""
     image, _ = photograph(board_of(kind), np.random.default_rng(12), 20, hidden=True)
-    field = field_of(kind)
-    x, y = field.xyz_mm[:, 0], field.xyz_mm[:, 1]
-    pitch, narrow = 31.2, 28.8
-    closer = np.column_stack([x - (x // pitch) * (pitch - narrow), y - np.trunc(y / pitch) * (pitch - narrow), 0 * x])
     with pytest.raises(NotRecognisedError, match=r"tags are 0\.9\d times as large as the testfield file says"):
-        recognise(phase_of(image), replace(field, xyz_mm=closer), SPEC)
+        recognise(phase_of(image), closer_tags(kind), SPEC)
+
+
+def test_tags_of_another_size_beside_the_board_are_no_reason_to_refuse_it() -> None:
+    rng = np.random.default_rng(5)
+    whole, truth = photograph(board_of("tags"), rng, 15, hidden=False)
+    other, _ = photograph(printed(closer_tags("tags")), rng, 35, hidden=True)
+    camera, field = replace(SPEC, width=2 * SPEC.width), field_of("tags")
+    found, _ = recognise(phase_of(np.hstack([whole, other])), field, camera)
+    at = [field.index()[key] for key in zip(found.row.tolist(), found.col.tolist(), strict=True)]
+    assert len(found.row) == len(field.row)
+    assert np.abs(found.camera_uv - truth[at]).max() < 0.5
