@@ -38,7 +38,7 @@ def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
 def inside_dot(values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array) -> tuple[Array, Array]:
     """Value and sigma (n,) at the middle of a quadratic surface through the valid pixels of each dot's interior.
 
-    It has three to six times the precision of the four pixels around the middle. The quadratic terms carry the
+    It has two to four times the precision of the four pixels around the middle. The quadratic terms carry the
     perspective across the dot.
     """
     return _surface(values, sigma, uv, ellipse, np.zeros(len(uv)), np.minimum(window, INTERIOR))
