@@ -43,10 +43,8 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
         By station, how many of how many observations were left out as gross errors.
     """
     known = [concern for name, device in adjustment.devices.items() for concern in _known_before(name, device)]
-    known = [
-        *(c for c in adjustment.doubts if c.about in ("held", "captures")),
-        *known,
-    ]  # twice, and told once: causes first
+    # twice, and told once: causes first
+    known = [*(c for c in adjustment.doubts if c.about in ("held", "captures")), *known]
     squares = _chi_square(adjustment)
     normalised = adjustment.residuals / adjustment.network.observation_sigma
     if np.nanmean(normalised**2) > TAILS**2 * sigma_by_median(normalised) ** 2:  # gross errors are the cause: first

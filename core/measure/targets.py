@@ -164,7 +164,7 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
         found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)
-        for which, fit, to in ((lit & ~np.bool_(dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)):
+        for which, fit, to in ((lit & (not dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)):
             value, its_error = fit(values, spread, centre[which], ellipse[which], to[which])
             valid = np.isfinite(value) & (dark | lost[which] | (its_error < ROUGH * error[which]))
             better = np.flatnonzero(which)[valid]
