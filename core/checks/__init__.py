@@ -4,6 +4,7 @@ Every check gives concerns (`core.model.Concern`): a state and one sentence with
 remedy. The state of a verdict is that of its worst concern.
 
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
+given.py     ... a network against what its files give: known points and lengths, units, pixels, stations
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 boards.py    ... which of a board's targets its file misplaces
 plates.py    ... where the plates stood, seen by camera and projector
@@ -16,9 +17,10 @@ left_out.py  points and captures that had no part, with the reasons
 
 from core.checks.boards import exchanged_notes, misplaced_concerns
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
+from core.checks.given import given_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
-from core.checks.network import adjustment_concerns, given_concerns, nominal_concerns, sound_words
+from core.checks.network import adjustment_concerns, nominal_concerns, sound_words
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns

@@ -11,20 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.geometry import similarity
 from core.geometry.lens import lens_of
-from core.model import AdjustedDevice, Adjustment, Array, Concern, NetworkScale
+from core.model import AdjustedDevice, Adjustment, Array, Concern
 from core.numerics import chi_square_limit, distinct, median_of, nearest, normal_limit, sigma_by_median
 
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
 UNITS = {0.1: "cm", 1 / 25.4: "inches", 0.001: "m", 1000.0: "µm"}  # numbers in a unit over those in mm
-OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 TAILS = 2.5  # root mean square of residuals over their sigma by the median; images that are off as a whole make it 1.9
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
-LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
 LOST = 0.05  # share of the observations that may be gross errors
 MOST_LOST = 0.25
 C_DOUBTFUL, C_FAILED = 1.2, 1.6  # focusing at the distances of such rigs makes c longer than f by less than a fifth
@@ -58,12 +55,12 @@ def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
     """What to say of an adjustment that nothing speaks against."""
     told = ", ".join(f"{name} {factor**0.5:.2f}" for name, (factor, _) in factors(adjustment).items())
     words = [f"residuals over the sigmas given: {told}; nothing systematic"] if told else []
-    if names := ", ".join(_cautious(adjustment)):
+    if names := ", ".join(cautious(adjustment)):
         words.append(f"{names}: the sigmas given are larger than the residuals show; those of the results follow these")
     return tuple(words)
 
 
-def _cautious(adjustment: Adjustment) -> dict[str, float]:
+def cautious(adjustment: Adjustment) -> dict[str, float]:
     """By device, residuals over sigmas where these are too large: chi-square test, H0: by `DOUBTFUL_RATIO` at most."""
     return {
         name: factor**0.5
@@ -76,81 +73,6 @@ def unit_hint(*ratios: float) -> str:
     """Ask for the unit where a length that is given, over the true one, is that of another unit over mm."""
     units = [unit for factor, unit in UNITS.items() if any(abs(ratio / factor - 1) < 0.02 for ratio in ratios)]
     return f"; is it in {' or '.join(units)} instead of mm?" if units else ""
-
-
-def given_concerns(adjustment: Adjustment) -> list[Concern]:
-    """Hold adjusted points against coordinates with sigmas in points.csv, and against lengths in network.json."""
-    network, concerns = adjustment.network, []
-    for axis, sigma in enumerate([] if network.point_sigma_mm is None else network.point_sigma_mm.T):
-        known, name = np.flatnonzero(np.isfinite(sigma)), "xyz"[axis]
-        off = (adjustment.points_mm - network.point_xyz_mm)[known, axis]
-        ratio = np.abs(off) / np.maximum(sigma[known], 1e-9)
-        if len(known) and np.sum(ratio**2) > DOUBTFUL_RATIO**2 * chi_square_limit(len(known), LEVEL):
-            worst, rms = int(np.argmax(ratio)), float(np.sqrt(np.mean(ratio**2)))
-            text = (
-                f"points.csv: {name}_mm of {len(known)} points is off by {rms:.3g} times sigma_{name}_mm (chi-square "
-                f"test), of point {network.point_names[known[worst]]} by {off[worst]:.3g} mm: correct these "
-                "coordinates, or their sigmas"
-            )
-            concerns.append(Concern("failed" if rms > FAILED_RATIO else "doubtful", text))
-    concerns += _exchanged(adjustment)
-    bars = [network.scale, *network.lengths] if network.scale else network.lengths
-    weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
-    if bars or weighed:
-        concerns += [Concern("doubtful", _too_large(*found)) for found in _cautious(adjustment).items()]
-    return concerns + [concern for bar in bars for concern in _length(adjustment, bar)]
-
-
-def _exchanged(adjustment: Adjustment) -> list[Concern]:
-    """Find two points that were adjusted to each other's approximate place; a free datum hides that in no residual."""
-    network, found = adjustment.network, adjustment.points_mm
-    if len(found) < LEAST_POINTS:
-        return []
-    near = np.ones(len(found), bool)
-    for _ in range(3):
-        scale, R, shift = similarity(network.point_xyz_mm[near], found[near])
-        places = (found - shift) @ R / scale
-        off = np.linalg.norm(places - network.point_xyz_mm, axis=1)
-        near = off <= max(ROUGH * float(np.median(off)), 1e-9)
-    takes = nearest(network.point_xyz_mm, 1, places)[:, 0]
-    names = network.point_names
-    return [
-        Concern(
-            "doubtful",
-            f"points.csv: {names[a]} and {names[b]} are adjusted to each other's place: exchange their coordinates, or "
-            "their names in observations.csv",
-        )
-        for a, b in enumerate(takes.tolist())
-        if a < b and takes[b] == a and not near[a] and not near[b]
-    ]
-
-
-def _too_large(device: str, ratio: float) -> str:
-    return (
-        f"{device}: residuals are {ratio:.2g} times what sigma_px allows: sigmas of lengths and points given count as "
-        f"if they were smaller by as much; multiply sigma_px by {ratio:.2g}"
-    )
-
-
-def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:
-    network, points = adjustment.network, (adjustment.points_mm, adjustment.network.point_xyz_mm)
-    found = float(np.linalg.norm(points[0][bar.start] - points[0][bar.stop]))
-    size, roughly = (float(np.linalg.norm(xyz - xyz.mean(axis=0))) for xyz in points)
-    start, stop = (network.point_names[k] for k in (bar.start, bar.stop))
-    if abs(found - bar.length_mm) > DOUBTFUL_RATIO * normal_limit(LEVEL / 2) * bar.sigma_mm:
-        text = (
-            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm ± {bar.sigma_mm:.2g}, adjusted "
-            f"{found:.6g} mm: measure it again"
-        )
-        return [Concern("doubtful", text)]
-    ratio = size / max(roughly, 1e-9)
-    if max(ratio, 1 / ratio) > OTHER_SCALE:
-        text = (
-            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "
-            f"{found * roughly / size:.4g} mm{unit_hint(ratio, 1 / ratio)}: correct the length or the coordinates"
-        )
-        return [Concern("doubtful", text)]
-    return []
 
 
 def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:

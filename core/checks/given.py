@@ -1,0 +1,177 @@
+"""A network held against what its files give: places and lengths known before, pixels, stations.
+
+A free datum takes any unit, hand or name of the points without a residual: what is approximate is compared, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, unit_hint
+from core.geometry import similarity
+from core.model import Adjustment, Array, Concern, NetworkScale
+from core.numerics import chi_square_limit, nearest, normal_limit
+
+OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
+UNLIKE_SCALE, KEPT = 0.05, 2.0  # where they keep their shape: prints that are fitted to the page shrink by less; times
+LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
+OUTSIDE = 0.02  # of the image: no target is measured farther from it
+NEAR = 0.1  # of c: at 10:1 a lens has its object at 0.1 c
+FEWEST = 4  # observations that two images have in common to the last digit
+
+
+def given_concerns(adjustment: Adjustment) -> list[Concern]:
+    """Hold observations against devices, and adjusted points against points.csv and the lengths in network.json."""
+    network = adjustment.network
+    bars = [network.scale, *network.lengths] if network.scale else list(network.lengths)
+    told = [*_outside(adjustment), *_twice(adjustment), *_too_near(adjustment)]
+    concerns = [Concern("doubtful", text) for text in told] + _known(adjustment) + _exchanged(adjustment)
+    weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
+    if bars or weighed:
+        concerns += [Concern("doubtful", _too_large(*found)) for found in cautious(adjustment).items()]
+    return concerns + [concern for bar in bars for concern in _length(adjustment, bar)]
+
+
+def _outside(adjustment: Adjustment) -> Iterator[str]:
+    """Find observations that lie beyond the image of their device."""
+    network = adjustment.network
+    device = np.array(network.station_device)[network.observation_station]
+    for name, (spec, uv) in {
+        n: (d.spec, network.observation_uv[device == n]) for n, d in network.devices.items()
+    }.items():
+        size = np.array([spec.width, spec.height])
+        beyond = np.any((uv < -OUTSIDE * size) | (uv > (1 + OUTSIDE) * size), axis=1)
+        if beyond.any():
+            (u0, v0), (u1, v1) = np.nanmin(uv, axis=0), np.nanmax(uv, axis=0)
+            yield (
+                f"observations.csv: {np.count_nonzero(beyond)} of {len(uv)} observations by {name} lie outside its "
+                f"{spec.width} x {spec.height} px (u {u0:.5g} to {u1:.5g}, v {v0:.5g} to {v1:.5g}): count from the "
+                "centre of the top-left pixel, and see which device each station names, and its width and height"
+            )
+
+
+def _twice(adjustment: Adjustment) -> Iterator[str]:
+    """Find images that have the same observations, to the last digit: their errors are the same, too."""
+    network = adjustment.network
+    seen: dict[tuple[str, int, float, float], int] = {}
+    alike: dict[tuple[int, int], int] = {}
+    stations, points = network.observation_station.tolist(), network.observation_point.tolist()
+    for station, point, (u, v) in zip(stations, points, network.observation_uv.tolist(), strict=True):
+        first = seen.setdefault((network.station_device[station], point, u, v), station)
+        if first != station:
+            alike[first, station] = alike.get((first, station), 0) + 1
+    for (a, b), count in alike.items():
+        if count >= FEWEST and 2 * count > np.count_nonzero(network.observation_station == b):
+            names = [network.station_names[k] for k in (a, b)]
+            yield f"observations.csv: {count} observations of {names[1]} are those of {names[0]}: remove one of the two"
+
+
+def _too_near(adjustment: Adjustment) -> Iterator[str]:
+    """Find points nearer to a device than any lens has its object: lengths are in another unit than c."""
+    network = adjustment.network
+    middle = adjustment.points_mm.mean(axis=0)
+    away: dict[str, list[float]] = {}
+    for device, pose in zip(network.station_device, adjustment.station_from_object, strict=True):
+        away.setdefault(device, []).append(float(np.linalg.norm(pose.apply(middle[None]))))
+    for name, distances in away.items():
+        distance, c = float(np.median(distances)), adjustment.devices[name].interior.c_mm
+        if distance < NEAR * c:
+            yield (
+                f"points.csv: its points are adjusted {distance:.3g} mm away from {name}, whose c is {c:.4g} mm: give "
+                "coordinates and lengths in mm, not in m"
+            )
+            return
+
+
+def _off(source: Array, target: Array) -> float:
+    """Deviations of points from others after the best similarity, r.m.s."""
+    scale, R, shift = similarity(source, target)
+    return float(np.sqrt(np.mean(np.sum((scale * source @ R.T + shift - target) ** 2, axis=1))))
+
+
+def _known(adjustment: Adjustment) -> list[Concern]:
+    """H0: each axis of the known points is off by at most `DOUBTFUL_RATIO` times its sigmas, and so is every point."""
+    network, concerns = adjustment.network, []
+    for axis, sigma in enumerate([] if network.point_sigma_mm is None else network.point_sigma_mm.T):
+        known, name = np.flatnonzero(np.isfinite(sigma)), "xyz"[axis]
+        if not len(known):
+            continue
+        off = (adjustment.points_mm - network.point_xyz_mm)[known, axis]
+        ratio = np.abs(off) / np.maximum(sigma[known], 1e-9)
+        worst, rms = int(np.argmax(ratio)), float(np.sqrt(np.mean(ratio**2)))
+        point = network.point_names[known[worst]]
+        if np.sum(ratio**2) > DOUBTFUL_RATIO**2 * chi_square_limit(len(known), LEVEL):
+            text = (
+                f"points.csv: {name}_mm of {len(known)} points is off by {rms:.3g} times sigma_{name}_mm (chi-square "
+                f"test), of point {point} by {off[worst]:.3g} mm: correct these coordinates, or their sigmas"
+            )
+            concerns.append(Concern("failed" if rms > FAILED_RATIO else "doubtful", text))
+        elif ratio[worst] > DOUBTFUL_RATIO * normal_limit(LEVEL / 2 / len(known)):
+            text = (
+                f"points.csv: {name}_mm of point {point} is off by {off[worst]:.3g} mm, {ratio[worst]:.3g} times "
+                f"sigma_{name}_mm: correct this coordinate, or its sigma"
+            )
+            concerns.append(Concern("doubtful", text))
+    return concerns
+
+
+def _exchanged(adjustment: Adjustment) -> list[Concern]:
+    """Find two points that were adjusted to each other's approximate place; a free datum hides that in no residual."""
+    network, found = adjustment.network, adjustment.points_mm
+    if len(found) < LEAST_POINTS:
+        return []
+    near = np.ones(len(found), bool)
+    for _ in range(3):
+        scale, R, shift = similarity(network.point_xyz_mm[near], found[near])
+        places = (found - shift) @ R / scale
+        off = np.linalg.norm(places - network.point_xyz_mm, axis=1)
+        near = off <= max(ROUGH * float(np.median(off)), 1e-9)
+    takes = nearest(network.point_xyz_mm, 1, places)[:, 0]
+    names = network.point_names
+    return [
+        Concern(
+            "doubtful",
+            f"points.csv: {names[a]} and {names[b]} are adjusted to each other's place: exchange their coordinates, or "
+            "their names in observations.csv",
+        )
+        for a, b in enumerate(takes.tolist())
+        if a < b and takes[b] == a and not near[a] and not near[b]
+    ]
+
+
+def _too_large(device: str, ratio: float) -> str:
+    return (
+        f"{device}: residuals are {ratio:.2g} times what sigma_px allows: sigmas of lengths and points given count as "
+        f"if they were smaller by as much; multiply sigma_px by {ratio:.2g}"
+    )
+
+
+def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:
+    network, points = adjustment.network, (adjustment.points_mm, adjustment.network.point_xyz_mm)
+    found = float(np.linalg.norm(points[0][bar.start] - points[0][bar.stop]))
+    size, roughly = (float(np.linalg.norm(xyz - xyz.mean(axis=0))) for xyz in points)
+    start, stop = (network.point_names[k] for k in (bar.start, bar.stop))
+    if abs(found - bar.length_mm) > DOUBTFUL_RATIO * normal_limit(LEVEL / 2) * bar.sigma_mm:
+        text = (
+            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm ± {bar.sigma_mm:.2g}, adjusted "
+            f"{found:.6g} mm: measure it again"
+        )
+        return [Concern("doubtful", text)]
+    ratio = size / max(roughly, 1e-9)
+    if max(ratio, 1 / ratio) > OTHER_SCALE:
+        text = (
+            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "
+            f"{found * roughly / size:.4g} mm{unit_hint(ratio, 1 / ratio)}: correct the length or the coordinates"
+        )
+        return [Concern("doubtful", text)]
+    shape = _off(points[1] * ratio, points[0]) * np.sqrt(len(points[0]))
+    if abs(ratio - 1) > UNLIKE_SCALE and abs(size - roughly) > KEPT * shape:
+        text = (
+            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "
+            f"{found * roughly / size:.4g} mm, whose points keep their shape: correct the length, the points it is "
+            "between, or the coordinates"
+        )
+        return [Concern("doubtful", text)]
+    return []

@@ -1,0 +1,82 @@
+"""Networks whose files are wrong in ways that leave no residual: each is named, and sound ones are not accused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.calibrate import adjust
+from core.model import Network, NetworkScale
+from core.pipeline.judge import judge_adjustment
+from tests.core.calibrate.conftest import CAMERA, simulated_network
+
+SOUND = simulated_network(seed=3, use=("camera",), approximation_mm=1.0).network
+KNOWN_MM = 0.05
+
+
+def told(network: Network) -> tuple[str, ...]:
+    verdict = judge_adjustment(adjust(network)).verdict
+    assert verdict.state in ("passed", "doubtful")
+    return verdict.because if verdict.state == "doubtful" else ()
+
+
+def from_the_centre(n: Network) -> Network:
+    return replace(n, observation_uv=n.observation_uv - (np.array([CAMERA.width, CAMERA.height]) - 1) / 2)
+
+
+def a_station_twice(n: Network) -> Network:
+    again = n.observation_station == 4
+    return replace(
+        n,
+        station_names=(*n.station_names, "again"),
+        station_device=(*n.station_device, n.station_device[4]),
+        station_pose=(*n.station_pose, max(n.station_pose) + 1),
+        observation_station=np.append(n.observation_station, np.full(again.sum(), len(n.station_names))),
+        observation_point=np.append(n.observation_point, n.observation_point[again]),
+        observation_uv=np.vstack([n.observation_uv, n.observation_uv[again]]),
+        observation_sigma=np.vstack([n.observation_sigma, n.observation_sigma[again]]),
+    )
+
+
+def times(scale: NetworkScale, factor: float) -> NetworkScale:
+    return replace(scale, length_mm=scale.length_mm * factor, sigma_mm=scale.sigma_mm * factor)
+
+
+def in_metres(n: Network) -> Network:
+    return replace(n, point_xyz_mm=n.point_xyz_mm / 1000, scale=times(n.scale, 1e-3))
+
+
+def longer(n: Network) -> Network:
+    return replace(n, scale=times(n.scale, 1.1))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (from_the_centre, "observations by camera lie outside its 748 x 576 px"),
+        (a_station_twice, f"observations of again are those of {SOUND.station_names[4]}: remove one of the two"),
+        (in_metres, "give coordinates and lengths in mm, not in m"),
+        (longer, "whose points keep their shape: correct the length"),
+    ],
+)
+def test_what_no_residual_shows_is_named(change: Callable[[Network], Network], words: str) -> None:
+    assert words in told(change(SOUND))[0]
+
+
+def test_a_single_known_point_that_is_off_is_named() -> None:
+    made = simulated_network(seed=3, use=("camera",), scale=False)
+    xyz = made.points_mm + np.random.default_rng(0).normal(0, KNOWN_MM, made.points_mm.shape)
+    known = replace(made.network, point_xyz_mm=xyz, point_sigma_mm=np.full(xyz.shape, KNOWN_MM))
+    assert told(known) == ()
+    xyz[20, 1] += 10 * KNOWN_MM
+    assert f"y_mm of point {known.point_names[20]} is off by" in told(known)[0]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rough_places_of_another_scale_are_not_accused(seed: int) -> None:
+    sound = simulated_network(seed=seed, approximation_mm=20.0).network
+    assert told(sound) == ()
+    assert told(replace(sound, point_xyz_mm=sound.point_xyz_mm * 1.04)) == ()
