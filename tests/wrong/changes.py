@@ -372,9 +372,9 @@ def interior(name: str, factor: float) -> Change:
     return documents(change)
 
 
-def further_length(document: dict[str, Any]) -> None:
+def further_length(document: dict[str, Any], factor: float = 1.02, to: list[int] | None = None) -> None:
     bar = document["scale"]
-    document |= {"version": 2, "lengths": [{**bar, "length_mm": bar["length_mm"] * 1.02}]}
+    document |= {"version": 2, "lengths": [{**bar, "length_mm": bar["length_mm"] * factor, "to": to or bar["to"]}]}
 
 
 def without_picks(folder: Path) -> None:

@@ -91,6 +91,11 @@ KINDS: dict[str, tuple[Change, str]] = {
     "plates counted from the other end": (z(lambda k, v: -v), Z),
     "scale bar on other targets": (on("scale", "to", to=lambda v: [v[0] + 1, v[1]]), f"{BAR}.*other targets"),
     "a further length 2 % off": (documents(further_length), "lengths, entry 0.*disagree"),
+    "a further length in cm": (documents(lambda d: further_length(d, 0.1)), "lengths, entry 0: length_mm is.*cm"),
+    "a further length between other targets": (
+        documents(lambda d: further_length(d, 1.0, [d["scale"]["to"][0] + 1, d["scale"]["to"][1]])),
+        "lengths, entry 0: length_mm is",
+    ),
     "testfield x1.05": (all_times("testfield.csv", 1.05), BOARD),
     "testfield in cm": (all_times("testfield.csv", 0.1), f"{BOARD}.*cm"),
     "testfield in inches": (all_times("testfield.csv", 1 / 25.4), f"{BOARD}.*inches"),

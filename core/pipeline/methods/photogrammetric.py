@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from core.pipeline.method import ADJUSTMENT, Calibrated, CalibrationMethod, Judg
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
+CONTRADICTING = 1.05  # no printed board is so out of shape, and no adjustment finds what is
+
 
 def _look(project: Project, captures: list[Capture], options: CalibrateOptions) -> Look:
     known = common_testfield(captures).index()  # refused before anything is decoded
@@ -38,7 +41,28 @@ def _look(project: Project, captures: list[Capture], options: CalibrateOptions) 
             seen = f"names target row {end[0]}, col {end[1]}, which the testfield of {captures[0].name} lacks"
             remedy = "name two of its targets, or correct testfield in capture.json if another board was captured"
             raise InputError(f"{project.path / 'project.json'}: {where}", seen, remedy)
+    check_lengths(project.path, {where: bar for where, bar in bars if bar is not None}, captures[0].testfield)
     return look_at_boards(project, captures)
+
+
+def check_lengths(folder: Path, bars: Mapping[str, ScaleBar], board: Testfield | None) -> None:
+    """Refuse measured distances that contradict each other by the nominal board, in whatever unit that is."""
+    if board is None or len(bars) < 2:
+        return
+    index, xyz = board.index(), board.xyz_mm
+    own = {k: float(np.linalg.norm(xyz[index[bar.start]] - xyz[index[bar.stop]])) for k, bar in bars.items()}
+    times = {k: bar.length_mm / max(own[k], 1e-9) for k, bar in bars.items()}
+    middle = float(np.median([1.0, *times.values()]))
+    worst = max(times, key=lambda k: abs(np.log(times[k] / middle)))
+    other = min((k for k in times if k != worst), key=lambda k: abs(np.log(times[k] / middle)))
+    if max(times[worst] / times[other], times[other] / times[worst]) > CONTRADICTING:
+        from core.checks import unit_hint
+
+        seen = (
+            f"length_mm is {bars[worst].length_mm:g}, {times[worst]:.4g} times what the nominal testfield has there; "
+            f"{other}: {times[other]:.4g} times{unit_hint(times[worst] / times[other])}"
+        )
+        raise InputError(f"{folder / 'project.json'}: {worst}", seen, "correct length_mm, or from and to")
 
 
 def _calibrate(
