@@ -22,6 +22,7 @@ from core.model import Array, Note
 TERMS = 5
 SPREAD = 1.0  # of the parameters over cameras, standard deviation
 FLATTEST = 0.05  # slope of a curve
+FALL = 0.1  # of full scale: five terms follow a gamma of 2.6 to a tenth, and fall by a fiftieth of that beside 0
 STEPS = 4096  # of the light, where a curve is tabulated
 TONE = Note(
     "The camera's grey values do not grow evenly with the light: its gamma or tone curve was found in the frames and "
@@ -48,6 +49,12 @@ def bend(light: Array, curve: Array, full: float) -> Bent:
     slope = np.maximum(1 - x * sums + steeper, FLATTEST)
     within = full * ((x + 1) / 2 + weight * sums)
     return Bent(within + (light - full * (x + 1) / 2) * slope, slope, full * weight[..., None] * terms)
+
+
+def rises(curve: Array) -> bool:
+    """Whether grey values grow with the light, as those of a camera do; what a fit makes of noise need not."""
+    grey = bend(np.linspace(0, 1, STEPS + 1), curve, 1.0).grey
+    return bool((np.maximum.accumulate(grey) - grey).max() < FALL)
 
 
 def unbend(images: Sequence[Image], curve: Array, full: float) -> tuple[list[NDArray[np.uint16]], int]:

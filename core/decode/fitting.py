@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.camera import SPREAD as CAMERAS
-from core.decode.camera import TERMS, bend
+from core.decode.camera import TERMS, bend, rises
 from core.decode.crowding import TILES, Crowd, crowded, explained
 from core.decode.curves import PARAMETERS, SPREAD, dimming, light_at, waves
 from core.decode.frames import Image
@@ -228,6 +228,8 @@ def _search_camera(model: _Model, found: Response) -> Array | None:
     _reduced(model, found, prior)
     if (model.squares > np.maximum(LEFT * before, untold)).any():
         return None  # as of light that scatters, which fields alone show
+    if not rises(model.camera):
+        return None  # as of noise, where frames are few: four steps of one axis show but one harmonic
     return model.camera if _worth_it(model, phase) else None
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import DecodeOptions
-from core.decode.camera import TERMS, bend, unbend
+from core.decode.camera import TERMS, bend, rises, unbend
 
 
 @pytest.mark.parametrize("full", [255.0, 4095.0, 65535.0])
@@ -26,3 +26,15 @@ def test_finer_steps_of_finer_steps_are_told_in_grey_values() -> None:
     """Exposures made one image, and then even steps of the light."""
     finest = DecodeOptions(min_modulation=3.0).in_steps(16, 4080.0).in_steps(2, 8160.0)
     assert (finest.steps, finest.min_modulation, finest.saturation) == (32, 96.0, 8160.0)
+
+
+@pytest.mark.parametrize("gamma", [0.6, 1.0, 1.8, 2.2, 2.6])
+def test_a_camera_with_a_gamma_rises(gamma: float) -> None:
+    light = np.linspace(0.003, 1, 500)
+    terms = np.polynomial.chebyshev.chebvander(2 * light - 1, TERMS - 1) * (light * (1 - light))[:, None]
+    assert rises(np.linalg.lstsq(terms, light ** (1 / gamma) - light, rcond=None)[0])
+
+
+def test_a_curve_that_goes_up_and_down_is_no_cameras() -> None:
+    """As was taken for one: in four steps and a code of one axis alone, by a camera whose grey values were even."""
+    assert not rises(np.array([1.741, 1.762, -0.974, -3.279, -1.646]))
