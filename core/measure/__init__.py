@@ -41,12 +41,12 @@ from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
 from core.measure.targets import measure_targets
-from core.measure.turns import SAME, Labelling, Turned, placed, solve_turns, symmetries
+from core.measure.turns import SAME, Labelling, Turned, placed, solve_turns, symmetries, unturned
 from core.measure.view import View
 
 __all__ = [
     "ESTIMATORS", "OUTSIDE", "SAME", "TARGET_KINDS", "Labelling", "Marks", "Sight", "TargetKind", "Turned", "View",
     "dot_at", "eccentricity", "find_circles", "find_dots", "kind_of", "labellings", "measure_feature",
     "measure_targets", "measured_view", "placed", "predicted_view", "propose_picks", "recentred", "recognise",
-    "solve_turns", "symmetries", "unmeasured",
+    "solve_turns", "symmetries", "unmeasured", "unturned",
 ]  # fmt: skip

@@ -100,6 +100,25 @@ def relabelled(targets: TargetSet, labelling: Labelling, field: Testfield) -> Ta
     return replace(targets, row=named[:, 0].copy(), col=named[:, 1].copy(), missing=tuple(missing))
 
 
+def unturned(image: TargetSet, ways: Sequence[Labelling], beside: TargetSet, field: Testfield) -> TargetSet | None:
+    """Label an image of a board that was only shifted since another one: named as there, it is not turned in the image.
+
+    None where not exactly one of the labellings says so.
+    """
+    same = [t for of in ways if (t := relabelled(image, of, field)) is not None and _upright(t, beside)]
+    return same[0] if len(same) == 1 else None
+
+
+def _upright(a: TargetSet, b: TargetSet) -> bool:
+    """Whether the targets that two images share lie the same way round in both, to an eighth of a turn."""
+    common = sorted({*a.keys}.intersection(b.keys))
+    if len(common) < 2:
+        return False
+    p, q = (t.camera_uv[[t.keys.index(key) for key in common]] for t in (a, b))
+    (x, y), (u, v) = (p - p.mean(axis=0)).T, (q - q.mean(axis=0)).T
+    return bool(x @ u + y @ v > abs(x @ v - y @ u))
+
+
 def solve_turns(
     images: Sequence[TargetSet],
     offered: Sequence[Sequence[Labelling]],

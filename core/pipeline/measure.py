@@ -22,7 +22,7 @@ from core.project.contents import contents_of
 from core.project.lock import writing_results
 
 if TYPE_CHECKING:
-    from core.measure import Labelling
+    from core.measure import Labelling, Turned
 
 Side = Literal["front", "back"]
 BOARDS: tuple[Role, ...] = ("testfield", "depth")
@@ -179,6 +179,7 @@ def turned_together(
         assert field is not None
         picked = [bool(captures[k].seeds) for k in members]
         solved = solve_turns([targets[k] for k in members], [ways[k] for k in members], field, picked)
+        solved = _shifted_alike([captures[k] for k in members], solved, [ways[k] for k in members], field)
         for k, turned in zip(members, solved, strict=True):
             if turned.told and turned.choice and captures[k].seeds:
                 notes = (*turned.targets.notes, TURNED)
@@ -189,6 +190,32 @@ def turned_together(
                 why = UNTOLD if placed(ways[k], field) else UNPLACED
                 untold = replace(unmeasured(field, captures[k].name, why), made_from=targets[k].made_from)
                 result[k] = _named(untold, captures[k])
+    return result
+
+
+def _shifted_alike(
+    captures: Sequence[Capture], solved: Sequence[Turned], ways: Sequence[Sequence[Labelling]], field: Testfield
+) -> list[Turned]:
+    """Label images of a depth plate, whose turn is not told, as its other positions have it: it is shifted, not turned.
+
+    If none is told, they are labelled as the first one: a plate that only one camera saw, and only at positions, has no
+    other image to contradict, and its nominal places are the same either way.
+    """
+    from core.measure import placed, unturned
+
+    result = list(solved)
+    sure = [k for k, one in enumerate(solved) if captures[k].role == "depth" and (one.told or captures[k].seeds)]
+    whole = [k for k, of in enumerate(ways) if placed(of, field)]
+    if not sure and whole and {c.role for c in captures} == {"depth"} and len({c.camera for c in captures}) == 1:
+        sure = whole[:1]
+        result[sure[0]] = replace(solved[sure[0]], told=True)
+    for k, one in enumerate(solved):
+        beside = next((i for i in sure if captures[i].camera == captures[k].camera), None)
+        if result[k].told or captures[k].seeds or captures[k].role != "depth" or beside is None:
+            continue
+        named = unturned(one.targets, ways[k], result[beside].targets, field)
+        if named is not None:
+            result[k] = replace(one, targets=named, told=True)
     return result
 
 

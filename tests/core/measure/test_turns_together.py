@@ -154,6 +154,39 @@ def test_all_cameras_name_a_board_alike(board, monkeypatch):
     assert len(right) == 1, "all as they are, or all half a turn round"
 
 
+def at_positions(made, field, shift, sigma_px=0.01):
+    """Views of a plate that is shifted along its axis, which leans, and never turned: true labels."""
+    images = []
+    for k, z in enumerate(shift):
+        x, y, away = (made + [0.1 * z, -0.2 * z, z]).T
+        rng, n = np.random.default_rng(100 + k), len(made)
+        uv = 374 + 1500 * np.stack([x, -y], axis=1) / (600 - away)[:, None] + rng.normal(0, sigma_px, (n, 2))
+        none, cov = np.full((n, 2), np.nan), np.tile(np.eye(2) * sigma_px**2, (n, 1, 1))
+        images.append(TargetSet("", field.row, field.col, uv, cov, none, none, none, np.full(n, 12.0)))
+    return images
+
+
+@pytest.mark.parametrize(("role", "off_mm", "told"), [("depth", 0.0, 4), ("depth", 0.05, 4), ("testfield", 0.0, 0)])
+def test_a_plate_is_shifted_and_not_turned(board, monkeypatch, role, off_mm, told):
+    """An exact plate looks the same half a turn round; its positions are named alike all the same."""
+    made = as_made(board, np.random.default_rng(8), off_mm)
+    images = dict(zip("abcd", at_positions(made, board, (-60.0, -20, 20, 60)), strict=True))
+    captures = [
+        Capture(Path(name), role, (Frame(Path("f.png"), White()),), testfield=board, z_mm=10.0 * k)
+        for k, name in enumerate(images)
+    ]
+
+    def recognised(capture, *_):
+        image = replace(images[capture.name], capture=capture.name)
+        return relabelled(image, HALF, board) if capture.name in "bd" else image, (SAME, HALF), None
+
+    undecoded(monkeypatch, recognised, ())
+    found = [t for t in measure.measured_targets(None, captures) if len(t.row)]
+    assert len(found) == told
+    turned = {np.array_equal(t.row, images[t.capture].row) for t in found}
+    assert len(turned) == min(told, 1), "all as they are, or all half a turn round"
+
+
 def test_a_turn_that_the_image_tells_is_kept(board, monkeypatch, tmp_path):
     """A chessboard's dark corner tells its turn; measured again from what is kept, it is told as before."""
     rng = np.random.default_rng(7)
