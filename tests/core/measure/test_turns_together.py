@@ -158,7 +158,7 @@ def at_positions(made, field, shift, sigma_px=0.01):
     """Views of a plate that is shifted along its axis, which leans, and never turned: true labels."""
     images = []
     for k, z in enumerate(shift):
-        x, y, away = (made + [0.1 * z, -0.2 * z, z]).T
+        x, y, away = (made + np.array([0.1 * z, -0.2 * z, z])).T
         rng, n = np.random.default_rng(100 + k), len(made)
         uv = 374 + 1500 * np.stack([x, -y], axis=1) / (600 - away)[:, None] + rng.normal(0, sigma_px, (n, 2))
         none, cov = np.full((n, 2), np.nan), np.tile(np.eye(2) * sigma_px**2, (n, 1, 1))
