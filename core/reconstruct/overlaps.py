@@ -14,7 +14,7 @@ from core.model import Array, PointCloud
 from core.reconstruct.placed import Device
 
 AGREE = 4.0  # standard deviations by which two stations may see the same place apart
-OBLIQUE = 0.25  # cosine between a ray and the surface's normal: below, it slides past the surface
+OBLIQUE = 0.25  # cosine between a ray of either view and the surface's normal: below, it slides past the surface
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,8 @@ def averaged(views: Sequence[Seen]) -> list[tuple[PointCloud, NDArray[np.int64]]
     For each view: the cloud with the places that it gives, NaN elsewhere, and which views have a part in each pixel,
     (H, W), as bits. Points stay on the rays of their pixels; views of one station are not compared with each other.
 
-    A ray meets the surface of another view, bilinear between four pixels. Depths are weighed by their noise; errors of
+    A ray meets the surface of another view, bilinear between four pixels; where that is steep to the other view's own
+    rays, it joins two surfaces at an outline, and is no surface. Depths are weighed by their noise; errors of
     the calibration and of poses, which views share to a part that is not worked out, count as if they were the same:
     their sigma is the mean of the views' sigmas, which theirs never exceeds. Where views differ by more than their
     noise, as where texture draws coordinates in each, the mean's noise is taken to be larger by the same ratio.
@@ -120,9 +121,11 @@ def _met(X: Array, rays: Array, other: Seen, points: _Points) -> tuple[Array, Ar
     by_point = np.einsum("nk,nki->ni", slopes, seen.by_point)
     by_point[:, 2] -= 1 / X[:, 2] ** 2
     along = np.einsum("ni,ni->n", by_point, rays)
-    size = np.linalg.norm(by_point, axis=1) * np.linalg.norm(rays, axis=1)
+    size, own = np.linalg.norm(by_point, axis=1), np.einsum("ni,ni->n", by_point, X)
     with np.errstate(invalid="ignore"):
-        along = np.where(inside & (along > OBLIQUE * size), along, np.nan)
+        inside &= along > OBLIQUE * size * np.linalg.norm(rays, axis=1)
+        inside &= own > OBLIQUE * size * np.linalg.norm(X, axis=1)  # else it joins two surfaces at an outline
+        along = np.where(inside, along, np.nan)
     nearest = np.nan_to_num(index[np.rint(v).astype(int) + corner[:, 1], np.rint(u).astype(int) + corner[:, 0]])
     return -(surface + 1 / X[:, 2]) / along, variance / along**2, points.shared[nearest.astype(np.int64)]
 
