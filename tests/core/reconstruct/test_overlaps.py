@@ -32,7 +32,7 @@ def seen(pose: Pose, sigma_mm: float = 0.04) -> Seen:
 
 
 def test_a_place_that_another_view_does_not_see_is_no_part_of_an_outline() -> None:
-    """Between two pixels of the other view the surface jumps by 5 mm: what joins them is met by rays, but is not there."""
+    """The surface jumps by 5 mm between pixels of the other view: rays meet what joins them, but nothing is there."""
     turn = 0.6
     pose = Pose(np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]]))
     pose = Pose(pose.rotation, np.array([0, 0, BACK]) - pose.rotation @ [0, 0, BACK])
