@@ -20,6 +20,7 @@ from core.decode.detours import bent_by, second_light
 from core.decode.edges import sigma_of_edges
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.exposures import DEEPEST, fuse_exposures
+from core.decode.folded import take_waves_out
 from core.decode.footprint import draw_back
 from core.decode.frames import Image, check_images
 from core.decode.islands import drop_islands, farthest
@@ -157,6 +158,10 @@ def decode(
         refined, (limits, tables, response, light, *_) = Planes(found.place, found.sigma, found.shape[1]), seen
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
         misfit = misfit.reshape(found.shape)
+    for k in range(len(AXES)):
+        periods = [(w.frames.period, len(w.frames.frames)) for w in sequence.waves if w.axis == k]
+        if periods and not sequence.squares[k]:
+            take_waves_out(found.place[k].reshape(found.shape), periods)
     _draw_and_doubt(found, sequence, seen)
     phase = _phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps)
     if options.estimate and (alone := codes_alone(seen.tables)):

@@ -161,7 +161,7 @@ def test_a_tone_curve_of_the_camera_is_taken_out(name: str, tone: Curve, exponen
         assert np.isfinite(phase.u).mean() > 0.985
         assert (TONE in phase.notes) == (camera is tone)
     assert error[1] < 1.3 * error[0]
-    assert 0.8 < ratio[1] < 1.2
+    assert 0.7 < ratio[1] < 1.2  # sigma keeps what the curve leaves open, of which neighbours then tell a part
 
 
 def overexposed(light: np.ndarray) -> np.ndarray:

@@ -1,0 +1,81 @@
+"""Waves of the phase on smooth surfaces: by closed forms, and by a response of no known shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
+
+from core.decode import decode
+from core.decode.folded import find_waves, take_waves_out
+from core.patterns import brightness, gray_and_phase
+
+LINES = 512
+FINE = 16  # steps a line
+
+
+def ball(height: int = 240, width: int = 320) -> np.ndarray:
+    """Coordinate of a tilted plane with a ball before it."""
+    y, x = np.mgrid[:height, :width].astype(float)
+    r = np.hypot(x - width / 2, y - height / 2) / (0.45 * height)
+    return LINES / 2 + 0.9 * (x - width / 2) + 0.1 * y + 20 * np.sqrt(np.clip(1 - r * r, 0, None))
+
+
+@pytest.mark.parametrize(("steps", "curve"), [(3, 0.05), (4, 0.05), (5, -0.04)])
+def test_a_response_of_another_shape_leaves_no_wave(steps: int, curve: float) -> None:
+    """Light by level with a wave of its own, which no curve of few parameters follows; sigmas hold."""
+    u, rng, level = ball(), np.random.default_rng(3), np.linspace(0, 1, 1001)
+    light = level**1.5 * (1 + curve * np.sin(6 * np.pi * level))
+    frames = []
+    for pattern in (patterns := gray_and_phase("x", LINES, cell=16, periods=[32], steps=steps)):
+        shown = np.repeat(np.interp(brightness(pattern, np.arange(LINES)), level, light), FINE)
+        seen = np.interp(u, (np.arange(LINES * FINE) + 0.5) / FINE - 0.5, gaussian_filter1d(shown, 0.6 * FINE))
+        frames.append(np.rint(15 + 170 * seen + 0.8 * rng.standard_normal(u.shape)).clip(0, 255).astype(np.uint8))
+    phase = decode(patterns, frames, lines=(LINES, LINES))
+    error = phase.u - u
+    good = np.isfinite(error)
+    assert good.mean() > 0.99
+    for order in (steps, 2 * steps, 3 * steps):
+        wave = 2 * np.mean(error[good] * np.exp(2j * np.pi * order * u[good] / 32))
+        assert abs(wave) < 0.02, order
+    assert 0.75 < np.sqrt(np.mean((error / phase.sigma_u)[good] ** 2)) < 1.15
+
+
+def test_waves_of_two_periods_are_told_apart_and_taken_out() -> None:
+    """Sizes and phases as they were put in, to a few hundredths of the noise."""
+    truth = ball(480, 640) / 2 + 200
+    put = {(32.0, 8): 0.06 * np.exp(0.7j), (36.0, 4): 0.04 * np.exp(-2j)}
+    u = truth + 0.2 * np.random.default_rng(1).standard_normal(truth.shape)
+    for (period, order), size in put.items():
+        u += (size.conjugate() * np.exp(2j * np.pi * order * (truth + 0.5) / period)).real
+    u = u.astype(np.float32)
+    found = {(w.period, w.order): complex(w.cosine, w.sine) for w in find_waves(u, [(32.0, 4), (36.0, 4)])}
+    assert found.keys() == put.keys()
+    for key, size in put.items():
+        assert abs(found[key] - size) < 0.01
+    take_waves_out(u, [(32.0, 4), (36.0, 4)])
+    assert np.std(u - truth) < 1.01 * 0.2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_scenes_show_is_no_wave(seed: int) -> None:
+    """Relief, corrugations, steps and noise: coordinates stay as they are, missing ones too."""
+    rng = np.random.default_rng(seed)
+    u = ball()
+    y, x = np.mgrid[: u.shape[0], : u.shape[1]]
+    u += 30 * gaussian_filter(rng.standard_normal(u.shape), 5)
+    u += 0.3 * np.sin(2 * np.pi * (x + 0.2 * y) / rng.uniform(6, 30)) + 4 * ((x // 50 + y // 60) % 2)
+    u += rng.uniform(0.01, 0.3) * rng.standard_normal(u.shape)
+    u[rng.random(u.shape) < 0.02] = np.nan
+    u = u.astype(np.float32)
+    before = u.copy()
+    take_waves_out(u, [(16.0, 4), (64.0, 3)])
+    np.testing.assert_array_equal(u, before)
+
+
+@pytest.mark.parametrize("u", [np.full((200, 200), np.nan), np.full((200, 200), 7.0), np.mgrid[:64, :64][1] * 0.8])
+def test_images_that_cannot_tell_stay_as_they_are(u: np.ndarray) -> None:
+    """Nothing decoded, no slope, exact planes."""
+    seen = u.astype(np.float32)
+    take_waves_out(seen, [(16.0, 4)])
+    np.testing.assert_array_equal(seen, u.astype(np.float32))
