@@ -16,7 +16,7 @@ from core.calibrate.columns import resect_columns
 from core.calibrate.equations import misclosures
 from core.calibrate.problem import Problem, problem_of
 from core.calibrate.selection import Bools, Warnings, known_points
-from core.calibrate.state import State, interior_of
+from core.calibrate.state import State, interior_of, poses_in_devices
 from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, undistort
@@ -69,9 +69,7 @@ def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
 def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> State:
     """Intersect the points that are not known from the oriented stations; poses that fit worse than most count less."""
     at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
-    turn, base = state.relative_rotation[problem.device], state.pose_rotation[problem.pose]
-    R = turn @ base
-    t = np.einsum("mij,mj->mi", turn, state.pose_shift[problem.pose]) + state.relative_shift[problem.device]
+    R, t = poses_in_devices(problem, state)
     tangents = np.zeros_like(at)
     for d in np.unique(problem.device):
         own, interior = problem.device == d, interior_of(problem, state, d)

@@ -74,6 +74,13 @@ def unknowns_of(problem: Problem, state: State, derive: bool = True) -> Unknowns
     return Unknowns(**arrays, image=image, by_xy=by_xy, by_parameter=by_parameter)
 
 
+def poses_in_devices(problem: Problem, state: State) -> tuple[Array, Array]:
+    """Rotations (m, 3, 3) and shifts (m, 3) that lead from the points into the device of every observation."""
+    turn = state.relative_rotation[problem.device]
+    shift = np.einsum("mij,mj->mi", turn, state.pose_shift[problem.pose]) + state.relative_shift[problem.device]
+    return turn @ state.pose_rotation[problem.pose], shift
+
+
 def interior_of(problem: Problem, state: State, device: int) -> Interior:
     """Interior orientation of a device at a state."""
     model = problem.models[device]

@@ -12,7 +12,7 @@ from core.calibrate.from_images import dimensions
 from core.calibrate.iterate import NotConvergedError
 from core.calibrate.normals import Inverse, SingularNormalsError
 from core.calibrate.problem import Problem
-from core.calibrate.state import State, interior_of, moved
+from core.calibrate.state import State, interior_of, moved, poses_in_devices
 from core.errors import AdjustmentError, listed
 from core.geometry import LENSES, Lens, regular
 from core.model import Array, Ints, Network
@@ -27,6 +27,7 @@ LEAST_CONVERGENCE_DEG = 20.0  # between the viewing directions of the images tha
 CONVERGENT_DEG = 10.0  # inclination to the mean direction at which an image counts as convergent
 LEAST_CONVERGENT = 3
 LEAST_IMAGES = 6  # fewer leave hardly any redundancy to tell a device's parameters from its stations
+AT_CENTRE = 1e-4  # of the median distance from a device
 FEW = 0.01  # of all points, which their images may confuse
 CORNER = 0.25  # share of width and of height that makes a corner of the image
 
@@ -200,12 +201,18 @@ class BehindError(AdjustmentError):
 
 
 def points_behind(problem: Problem, state: State) -> Ints:
-    """Few points, numbered as in the problem, that a step without damping would carry behind a device."""
+    """Few points, numbered as in the problem, that a step without damping would carry behind a device.
+
+    Those that steps with damping have carried to a device's projection centre leave nothing to be solved.
+    """
     try:
         trial = moved(problem, state, reduce(problem, state).solve(problem))
+        beyond = np.isinf(misclosures(problem, trial)).any(axis=1)
     except SingularNormalsError:
-        return np.empty(0, np.int64)
-    behind = np.unique(problem.point[np.isinf(misclosures(problem, trial)).any(axis=1)])
+        R, t = poses_in_devices(problem, state)
+        depth = -(np.einsum("mj,mj->m", R[:, 2], state.xyz[problem.point]) + t[:, 2])
+        beyond = depth < AT_CENTRE * np.median(depth)
+    behind = np.unique(problem.point[beyond])
     return behind if len(behind) <= FEW * problem.points else behind[:0]
 
 
