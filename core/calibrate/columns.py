@@ -1,7 +1,8 @@
 """A device of which one image coordinate was never observed: a projector whose columns only were coded.
 
 It knows planes instead of rays. They all contain the projection centre and the image's y axis, so that the place of the
-centre along that axis is not observable, nor are y0 (the same), A3 (the same as c) and A4 (the same as a roll).
+centre along that axis is not observable, nor are y0 (the same), A3 (the same as c), A4 (the same as a roll) and A5 (the
+same as a tilt about x, but for its square).
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from core.model import Array, Network
 
 LEAST_POINTS = 12
 PLAUSIBLE = 1.5  # ratio to the nominal focal length up to which that of the resection is used
-UNOBSERVABLE = {"v": "y0", "u": "x0"}  # with the affine parameters, where that coordinate was never observed
+# with the affine parameters, where a coordinate was never observed: a principal point, and which decentring parameter
+UNOBSERVABLE = {"v": ("y0", 0), "u": ("x0", 1)}
 
 
 def without_unobservable(network: Network) -> tuple[Network, Warnings]:
@@ -27,7 +29,8 @@ def without_unobservable(network: Network) -> tuple[Network, Warnings]:
     for name, coordinate in never_observed(network).items():
         device = devices[name]
         free = estimated(device)
-        lost = (UNOBSERVABLE[coordinate], *lens_of(device.spec).of_kind("affine"))
+        (centre, which), lens = UNOBSERVABLE[coordinate], lens_of(device.spec)
+        lost = (centre, *lens.of_kind("affine"), lens.of_kind("decentring")[which])
         held = [p for p in lost if p in free]
         devices[name] = replace(device, estimate=tuple(p for p in free if p not in held))
         axis = "x" if coordinate == "u" else "y"
