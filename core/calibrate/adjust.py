@@ -29,7 +29,17 @@ from core.calibrate.snooping import (
     sizes,
     within_images,
 )
-from core.calibrate.solve import DEFAULT, DOUBTED, FITTING, AdjustOptions, SettledError, Solved, result_of, solve
+from core.calibrate.solve import (
+    DEFAULT,
+    DOUBTED,
+    FITTING,
+    AdjustOptions,
+    SettledError,
+    Solved,
+    refuse_unredundant,
+    result_of,
+    solve,
+)
 from core.calibrate.state import State
 from core.calibrate.weakness import BehindError, MirroredError, behind_warning, geometry_warnings, usual_variance
 from core.errors import AdjustmentError
@@ -142,12 +152,7 @@ def _solved(
     network, more = without_unobservable(network)
     warnings += more
     problem = problem_of(network)
-    if problem.redundancy < 1:
-        raise AdjustmentError(
-            "the network",
-            f"has redundancy {problem.redundancy}: no more observations than unknowns",
-            "add image points or stations, or hold parameters",
-        )
+    refuse_unredundant(problem)
     progress(0.0, "initial values")
     state = initial_state(network, problem)
     network, problem, state, more = misplaced(network, problem, state)

@@ -79,8 +79,19 @@ class SettledError(AdjustmentError):
     """
 
 
+def refuse_unredundant(problem: Problem) -> None:
+    """Refuse what has no more observations than unknowns, or no longer."""
+    if problem.redundancy < 1:
+        raise AdjustmentError(
+            "the network",
+            f"has redundancy {problem.redundancy}: no more observations than unknowns",
+            "add image points or stations, or hold parameters",
+        )
+
+
 def solve(network: Network, problem: Problem, state: State, options: AdjustOptions, progress: Progress) -> Solved:
     """Least-squares solution with all that is known of it; variance components iterated where asked."""
+    refuse_unredundant(problem)
     factors = dict.fromkeys(problem.device_names, 1.0)
     convergence: tuple[float, ...] = ()
     weighted = problem

@@ -11,6 +11,8 @@ from core.calibrate.solve import settled
 from core.calibrate.weakness import UndeterminedError
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_axis_angle
+from core.model import Interior, NetworkScale
+from tests.core.calibrate.conftest import CAMERA
 
 
 def with_rows(network, keep):
@@ -224,3 +226,13 @@ def test_images_that_contradict_each_other_are_told_from_weak_geometry(ratio: fl
         "its images contradict each other: residuals are 40 times what their sigmas allow, and c cannot be estimated"
     )
     assert (words in told, "roll the camera" in told) == (contradict, not contradict)
+
+
+def test_rejecting_does_not_use_up_the_redundancy(simulate):
+    """Of six points whose places are rough, a robust start calls so many wrong that nothing is left over."""
+    setup = {"use": ("camera",), "rows": 2, "cols": 3, "approximation_mm": 15.0, "poses": 10, "depth_mm": 40.0}
+    truth = Interior(12.1, 0.0, 0.0, (0.0,) * 6, CAMERA.zero_radius_mm)
+    made = simulate(**setup, estimate=("c",), camera_truth=truth, scale=False)
+    bar = NetworkScale(0, 5, float(np.linalg.norm(made.points_mm[0] - made.points_mm[5])), 0.05)
+    found = adjust(replace(made.network, scale=bar))
+    assert abs(found.devices["camera"].interior.c_mm - 12.1) < 5 * found.devices["camera"].sigma[0]
