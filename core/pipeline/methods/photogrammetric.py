@@ -31,6 +31,7 @@ from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
 CONTRADICTING = 1.05  # no printed board is so out of shape, and no adjustment finds what is
+DOUBTED = 3.3  # sigmas of a length, which may be measured roughly
 
 
 def _look(project: Project, captures: list[Capture], options: CalibrateOptions) -> Look:
@@ -52,10 +53,12 @@ def check_lengths(folder: Path, bars: Mapping[str, ScaleBar], board: Testfield |
     index, xyz = board.index(), board.xyz_mm
     own = {k: float(np.linalg.norm(xyz[index[bar.start]] - xyz[index[bar.stop]])) for k, bar in bars.items()}
     times = {k: bar.length_mm / max(own[k], 1e-9) for k, bar in bars.items()}
-    middle = float(np.median([1.0, *times.values()]))
-    worst = max(times, key=lambda k: abs(np.log(times[k] / middle)))
-    other = min((k for k in times if k != worst), key=lambda k: abs(np.log(times[k] / middle)))
-    if max(times[worst] / times[other], times[other] / times[worst]) > CONTRADICTING:
+    known_to = {k: DOUBTED * bar.sigma_mm / bar.length_mm for k, bar in bars.items()}
+    middle = float(np.median([1.0, *(times[k] for k in times if known_to[k] < np.log(CONTRADICTING))]))
+    off = {k: abs(np.log(times[k] / middle)) for k in times}
+    worst = max(times, key=lambda k: off[k] - known_to[k])
+    other = min((k for k in times if k != worst), key=lambda k: off[k] + known_to[k])
+    if abs(np.log(times[worst] / times[other])) > np.log(CONTRADICTING) + np.hypot(known_to[worst], known_to[other]):
         from core.checks import unit_hint
 
         seen = (

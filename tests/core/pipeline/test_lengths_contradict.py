@@ -38,3 +38,11 @@ def test_the_length_that_contradicts_the_others_is_named(bars: dict[str, ScaleBa
 def test_lengths_that_agree_pass_whatever_the_board_is_given_in(unit: float) -> None:
     check_lengths(Path("rig"), lengths(DIAGONAL * unit, DIAGONAL * unit * 1.02), BOARD)
     check_lengths(Path("rig"), {}, BOARD)
+
+
+def test_a_short_length_measured_roughly_passes_and_hides_no_other() -> None:
+    """19 mm with a ruler: 21 % off is 2 sigmas, which the adjustment weighs."""
+    short = {"lengths, entry 1": ScaleBar((0, 0), (0, 1), 23.0, 2.0)}
+    check_lengths(Path("rig"), lengths(DIAGONAL, DIAGONAL) | short, BOARD)
+    with pytest.raises(InputError, match=r"lengths, entry 0: length_mm is .* 1\.1 times"):
+        check_lengths(Path("rig"), lengths(DIAGONAL, DIAGONAL * 1.1) | short, BOARD)
