@@ -31,7 +31,7 @@ ROUNDS = 3  # in which pixels off the polynomial, and rough windows, are left ou
 CHANCE = 1e-7  # that a wave is found where there is none
 SEEN, SHOWN = 0.8, 0.7  # cycles a pixel that neighbours tell; a line, beyond which blur leaves none
 LINES_TAKEN = 100  # rows and columns that tell the slope
-LEAST = 0.002  # lines: less is not worth it
+LEAST = 0.002  # lines: less is not worth it, nor is any window surer of its surface
 MOST = 0.02  # of a period: more is the scene in step with the fringes
 PLACES = 512  # of a period
 TURNS = 2 * np.pi * (np.arange(PLACES) + 0.5) / PLACES
@@ -83,6 +83,7 @@ def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
     normal, right = _windows(u, max(SMALLEST, int(np.ceil(CYCLES / min(seen) / steep))), slopes, waves)
     while waves and len(right) >= FEWEST:
         parts, covariance = _solve(normal, right)
+        covariance += np.eye(2) * LEAST**2 / chi_square_limit(2, CHANCE)  # so that less than `LEAST` is never sure
         sure = np.einsum("ni,nij,nj->n", parts, np.linalg.inv(covariance), parts)
         least = int(np.argmin(sure))
         if sure[least] > chi_square_limit(2, CHANCE):
@@ -96,7 +97,8 @@ def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
 
 def _solve(normal: Array, right: Array) -> tuple[Array, Array]:
     """Cosine and sine parts (n, 2) by all windows together, and their covariances (n, 2, 2) by how windows differ."""
-    inverse = np.linalg.inv(normal.sum(axis=0))
+    total = normal.sum(axis=0)
+    inverse = np.linalg.inv(total + np.eye(len(total)))  # an even surface, and two pixels a wave, tell no wave: none
     solution, n = inverse @ right.sum(axis=0), right.shape[1] // 2
     score = right - normal @ solution
     covariance = inverse @ (score.T @ score) @ inverse * len(score) / (len(score) - 1)
@@ -134,7 +136,7 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
         whole = np.nan_to_num(place)
         fitted = np.linalg.solve(_squares(weight, products), ((weight * whole) @ terms)[..., None])[..., 0] @ terms.T
         away = np.abs(place - fitted)
-        scale = row_median(away) / MEDIAN_OF_NORMAL
+        scale = np.maximum(row_median(away) / MEDIAN_OF_NORMAL, LEAST)
         weight = (away < GROSS * scale[:, None]).astype(float)
         smooth = (weight.mean(axis=1) >= FULL) & (scale < ROUGH * median_of(scale))
         place, fitted, weight, scale = place[smooth], fitted[smooth], weight[smooth], scale[smooth]

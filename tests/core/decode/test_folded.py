@@ -12,6 +12,7 @@ from core.patterns import brightness, gray_and_phase
 
 LINES = 512
 FINE = 16  # steps a line
+NOISY = 0.9 * np.mgrid[:480, :640][1] + 0.1 * np.random.default_rng(0).standard_normal((480, 640))
 
 
 def ball(height: int = 240, width: int = 320) -> np.ndarray:
@@ -76,6 +77,18 @@ def test_what_scenes_show_is_no_wave(seed: int) -> None:
 @pytest.mark.parametrize("u", [np.full((200, 200), np.nan), np.full((200, 200), 7.0), np.mgrid[:64, :64][1] * 0.8])
 def test_images_that_cannot_tell_stay_as_they_are(u: np.ndarray) -> None:
     """Nothing decoded, no slope, exact planes."""
+    seen = u.astype(np.float32)
+    take_waves_out(seen, [(16.0, 4)])
+    np.testing.assert_array_equal(seen, u.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    "u",
+    [np.mgrid[:64, :64][1], np.where(np.mgrid[:480, :640][1] < 320, 7.0, NOISY)],
+    ids=["a line a pixel", "half even"],
+)
+def test_surfaces_without_noise_show_no_wave(u: np.ndarray) -> None:
+    """Rendered, a wave may be of two pixels, or of none: what rounding leaves there is none."""
     seen = u.astype(np.float32)
     take_waves_out(seen, [(16.0, 4)])
     np.testing.assert_array_equal(seen, u.astype(np.float32))
