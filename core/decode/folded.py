@@ -5,7 +5,8 @@ the phase: with N steps what is left of a response repeats N, 2 N and 3 N times 
 unequal offsets once. Three steps of one period cannot show it, as any three grey values fit some phase. Neighbours do:
 over a window of smooth surface the coordinate is a quadratic polynomial of the pixel, and what it deviates by follows
 the phase, the same in all windows. Windows tell how sure that is: a surface that is no polynomial deviates otherwise
-in each.
+in each. Windows are as small as the shortest wave allows: beside it, waves once a period are rarely told. A surface
+that keeps step with the fringes to less than a turn over the image, as corrugations may, is taken for a wave.
 """
 
 from __future__ import annotations
