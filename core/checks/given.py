@@ -44,7 +44,7 @@ def _outside(adjustment: Adjustment) -> Iterator[str]:
         size = np.array([spec.width, spec.height])
         beyond = np.any((uv < -OUTSIDE * size) | (uv > (1 + OUTSIDE) * size), axis=1)
         if beyond.any():
-            (u0, v0), (u1, v1) = np.nanmin(uv, axis=0), np.nanmax(uv, axis=0)
+            (u0, v0), (u1, v1) = np.fmin.reduce(uv), np.fmax.reduce(uv)  # of columns alone v is NaN
             yield (
                 f"observations.csv: {np.count_nonzero(beyond)} of {len(uv)} observations by {name} lie outside its "
                 f"{spec.width} x {spec.height} px (u {u0:.5g} to {u1:.5g}, v {v0:.5g} to {v1:.5g}): count from the "

@@ -80,3 +80,14 @@ def test_rough_places_of_another_scale_are_not_accused(seed: int) -> None:
     sound = simulated_network(seed=seed, approximation_mm=20.0).network
     assert told(sound) == ()
     assert told(replace(sound, point_xyz_mm=sound.point_xyz_mm * 1.04)) == ()
+
+
+def test_columns_alone_are_held_against_the_image_without_a_warning() -> None:
+    """Warnings are errors here: what was never observed has no extent."""
+    made = simulated_network(seed=3, approximation_mm=1.0).network
+    uv, own = made.observation_uv.copy(), np.array(made.station_device)[made.observation_station] == "projector"
+    uv[own] = np.column_stack([uv[own, 0] + 400, np.full(own.sum(), np.nan)])
+    assert any(
+        "observations by projector lie outside its 640 x 640 px" in text
+        for text in told(replace(made, observation_uv=uv))
+    )
