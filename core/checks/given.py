@@ -44,10 +44,11 @@ def _outside(adjustment: Adjustment) -> Iterator[str]:
         size = np.array([spec.width, spec.height])
         beyond = np.any((uv < -OUTSIDE * size) | (uv > (1 + OUTSIDE) * size), axis=1)
         if beyond.any():
-            (u0, v0), (u1, v1) = np.fmin.reduce(uv), np.fmax.reduce(uv)  # of columns alone v is NaN
+            ends = zip("uv", np.fmin.reduce(uv), np.fmax.reduce(uv), strict=True)
+            spans = ", ".join(f"{axis} {a:.5g} … {b:.5g}" for axis, a, b in ends if a <= b)  # of columns alone no v
             yield (
                 f"observations.csv: {np.count_nonzero(beyond)} of {len(uv)} observations by {name} lie outside its "
-                f"{spec.width} x {spec.height} px (u {u0:.5g} to {u1:.5g}, v {v0:.5g} to {v1:.5g}): count from the "
+                f"{spec.width} x {spec.height} px ({spans}): count from the "
                 "centre of the top-left pixel, and see which device each station names, and its width and height"
             )
 
