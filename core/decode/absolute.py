@@ -159,8 +159,7 @@ def decode(
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
         misfit = misfit.reshape(found.shape)
     for k in range(len(AXES)):
-        periods = [(w.frames.period, len(w.frames.frames)) for w in sequence.waves if w.axis == k]
-        if periods and not sequence.squares[k]:
+        if periods := sequence.sine_periods(k):
             take_waves_out(found.place[k].reshape(found.shape), periods)
     _draw_and_doubt(found, sequence, seen)
     phase = _phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps)
@@ -239,7 +238,7 @@ def _mend(
     drop_islands(u, sigma, flags, missing, farthest(table))
     used = sum(int(flag) for flag, each in zip(MISSING, seen.tables, strict=True) if each.start != NOTHING)
     ask_neighbours(images, table, telling, sequence.image_rows, (u, sigma, flags, missing), used)
-    if any(wave.axis == axis for wave in sequence.waves) and not sequence.squares[axis]:
+    if sequence.sine_periods(axis):
         take_ripple_out(u, sigma)
     if table.start == CODE and table.gray and not len(table.period):
         sigma_of_edges(u, sigma, float(table.cell), contrast, even, limits)

@@ -82,12 +82,13 @@ def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
         return []
     waves = list(seen.values())
     normal, right = _windows(u, max(SMALLEST, int(np.ceil(CYCLES / min(seen) / steep))), slopes, waves)
+    limit = chi_square_limit(2, CHANCE)
     while waves and len(right) >= FEWEST:
         parts, covariance = _solve(normal, right)
-        covariance += np.eye(2) * LEAST**2 / chi_square_limit(2, CHANCE)  # so that less than `LEAST` is never sure
+        covariance += np.eye(2) * LEAST**2 / limit  # so that less than `LEAST` is never sure
         sure = np.einsum("ni,nij,nj->n", parts, np.linalg.inv(covariance), parts)
         least = int(np.argmin(sure))
-        if sure[least] > chi_square_limit(2, CHANCE):
+        if sure[least] > limit:
             found = [Wave(p, k, c, s) for (p, k), (c, s) in zip(waves, parts.tolist(), strict=True)]
             return [w for w in found if LEAST < np.hypot(w.cosine, w.sine) < MOST * w.period]
         del waves[least]

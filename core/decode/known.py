@@ -49,6 +49,11 @@ class Prepared:
     image_rows: Rows
     contrasts: NDArray[np.float64]
 
+    def sine_periods(self, axis: int) -> list[tuple[float, int]]:
+        """Periods (lines) and numbers of steps of an axis of sine fringes; none where any of its fringes are square."""
+        mine = [(w.frames.period, len(w.frames.frames)) for w in self.waves if w.axis == axis]
+        return [] if self.squares[axis] else mine
+
 
 @lru_cache(maxsize=16)
 def prepare(patterns: tuple[Pattern, ...], lines: tuple[int, int] | None) -> Prepared:
