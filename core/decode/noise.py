@@ -10,6 +10,7 @@ gamma makes the dark noisiest.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from core.decode.frames import Numbers, PhaseFrames, SortedFrames
 from core.decode.tables import Singles, fundamental
 from core.model import Array
+from core.numerics import quadratic
 from core.patterns import brightness
 
 BINS = 12  # of grey values, with the same number of residuals each
@@ -28,6 +30,8 @@ TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
 OUTSIDE = 50.0  # squares by their median, of what is no noise
 EXPLAINED = 8  # harmonics of a sine wave that a response makes
+UNEVEN = slice(1, 3)  # of these, the second and third: blur, which differs over the image, tells their strength
+EACH = 8  # lit pixels for every part of the waves' harmonics, of which fewer do not tell how that differs
 LINES = 256  # of square waves that tell what their steps show
 VISIBLE = 1e-6  # part of the strongest, of what is no rounding
 
@@ -196,6 +200,7 @@ def without_harmonics(
     factors: NDArray[np.floating],
     shown: Singles,
     waves: Sequence[Told],
+    places: Array,
     also: Callable[[NDArray], tuple[Array, Array]] = _as_they_are,
     of: NDArray[np.bool_] | bool = True,
 ) -> tuple[Array, Array]:
@@ -203,23 +208,15 @@ def without_harmonics(
 
     `residual`, (k, ...), are combinations of grey values by `factors`, (k, frames), of `shown`, (frames, ...), after
     what `also` did; it is done with the harmonics too, and gives their mean there. `of` are the pixels that tell the
-    harmonics.
+    harmonics, `places`, (2, ...), where in the image they are, from -1 to 1.
 
     What is left is given as combinations of unit norm, with the grey values at which they are taken: the waves' own
     noise, which is that of the same frames, is taken away or added with the harmonics.
     """
-    basis = []
-    for wave in waves:
-        amplitude = np.abs(wave.seen)
-        turn = wave.seen / np.maximum(amplitude, 1e-6)
-        basis.append(also(amplitude)[0].ravel())
-        power = amplitude.astype(complex)
-        for _ in range(EXPLAINED):
-            power = power * turn
-            basis += [also(power.real)[0].ravel(), also(power.imag)[0].ravel()]
-    design = np.array(basis)
-    flat = residual.reshape(-1, design.shape[1]).astype(float)
+    flat = residual.reshape(len(residual), -1).astype(float)
     left, told = flat, np.broadcast_to(of, residual.shape[1:]).ravel()
+    field = _over_the_image(places, told.sum() / len(waves))
+    design = np.concatenate([also(_harmonics(wave, field))[0] for wave in waves]).reshape(-1, len(told))
     for _ in range(2):  # edges of the scene must not take part
         square = np.square(left)
         usual = np.maximum(np.median(square[:, told], axis=1, keepdims=True), TINY)
@@ -229,34 +226,59 @@ def without_harmonics(
         normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
         parts = np.linalg.solve(normal, some @ flat[:, inner].T).T
         left = flat - parts @ design
-    left *= np.sqrt(design.shape[1] / max(design.shape[1] - len(design), 1))
-    square, level = _with_own_noise(factors, shown, waves, parts)
+    number = int(np.count_nonzero(inner))
+    left *= np.sqrt(number / max(number - len(design), 1))
+    square, level = _with_own_noise(factors, shown, waves, field, parts)
     square, level = also(square)[1], also(level)[1]
     return left.reshape(residual.shape) / np.sqrt(square), level / square
 
 
+def _over_the_image(places: Array, number: float) -> Array:
+    """How blur may differ over the image at `places`, (2, ...), shape (5, ...): none if so many pixels do not tell."""
+    field = quadratic(*places.reshape(2, -1)).T[1:].reshape(-1, *places.shape[1:])
+    return field if number > EACH * (1 + 2 * len(_orders(field))) else field[:0]
+
+
+def _orders(field: Array) -> NDArray[np.intp]:
+    """Of what `_turns` gives."""
+    orders = np.arange(1, EXPLAINED + 1)
+    return np.concatenate([orders, *[orders[UNEVEN]] * len(field)])
+
+
+def _turns(wave: Told, field: Array) -> NDArray[np.complex128]:
+    """Harmonics of unit amplitude, and what of the uneven ones differs over the image, (orders, ...)."""
+    turn = wave.seen / np.maximum(np.abs(wave.seen), 1e-6).astype(float)
+    harmonics = np.array(list(accumulate([turn] * EXPLAINED, np.multiply)))
+    return np.concatenate([harmonics, *(harmonics[UNEVEN] * each for each in field)])
+
+
+def _harmonics(wave: Told, field: Array) -> Array:
+    """Amplitude of a wave, its harmonics' real and then their imaginary parts, (1 + 2 orders, ...)."""
+    turns, amplitude = _turns(wave, field), np.abs(wave.seen)[None]
+    return np.concatenate([amplitude, amplitude * turns.real, amplitude * turns.imag])
+
+
 def _with_own_noise(
-    factors: NDArray[np.floating], shown: Singles, waves: Sequence[Told], parts: Array
+    factors: NDArray[np.floating], shown: Singles, waves: Sequence[Told], field: Array, parts: Array
 ) -> tuple[Array, Array]:
     """Sums over the frames of the squares, and of these times the grey values, of what each counts in combinations
     without such parts of the waves' harmonics, (k, ...)."""
-    square, level = np.zeros((2, len(factors), *shown.shape[1:]))
-    for total, sum_of, row, part in zip(
-        square, level, factors, parts.reshape(len(factors), len(waves), -1), strict=True
-    ):
+    orders, size = _orders(field), (len(factors), *shown.shape[1:])
+    changes = []  # of what is taken away, by the wave as the frames show it: (k, ...)
+    for wave, part in zip(waves, np.split(parts, len(waves), axis=1), strict=True):
+        both = part[:, 1 : 1 + len(orders)] - 1j * part[:, 1 + len(orders) :]
+        turns = _turns(wave, field)
+        along = part[:, :1] + (both @ turns.reshape(len(orders), -1)).real
+        across = -((orders * both) @ turns.reshape(len(orders), -1)).imag
+        changes.append((along - 1j * across).reshape(size) * turns[0].conj())
+    square, level = np.zeros((2, *size))
+    for k, row in enumerate(factors):
         counts = np.array(np.broadcast_to(row.reshape(-1, *[1] * (shown.ndim - 1)), shown.shape), float)
-        for wave, (mean, *pairs) in zip(waves, part, strict=True):
-            turn = np.exp(-1j * np.angle(wave.seen))
-            k, both = np.arange(1, EXPLAINED + 1), np.array(pairs[::2]) - 1j * np.array(pairs[1::2])
-            power, along, across = turn, mean + 0 * turn.real, 0 * turn.real
-            for times, pair in zip(k, both, strict=True):
-                along += (pair.conj() * power).real
-                across += times * (pair.conj() * power).imag
-                power = power * turn
+        for wave, change in zip(waves, changes, strict=True):
             for n, each in zip(wave.frames, wave.both, strict=True):
-                counts[n] -= along * (turn * each).real + across * (turn * each).imag
+                counts[n] -= (change[k] * each).real
         np.square(counts, out=counts)
-        total[:], sum_of[:] = counts.sum(axis=0), (counts * shown).sum(axis=0)
+        square[k], level[k] = counts.sum(axis=0), (counts * shown).sum(axis=0)
     return square, level
 
 

@@ -27,7 +27,7 @@ from core.numerics import cut_off, quantile_of, quantum
 from core.parallel import run_in_bands
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
-RESIDUALS, FEWEST = 4096, 512  # residuals that are enough, but from no fewer pixels
+RESIDUALS, FEWEST, BENT = 4096, 512, 2048  # residuals that are enough, but from no fewer pixels; where waves are bent
 UNSATURATED = 100  # pixels without a saturated step, fewer do not tell the noise
 WHOLE = 1, 0.25  # steps of the grey values, part of a frame that must lie in one and not be saturated to tell it
 BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do not
@@ -60,6 +60,12 @@ def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
     across = min(step, 4)  # neighbours share cache lines: rather fewer rows
     down = max(1, min(height // 16, step * step // across))
     return slice(down // 2, None, down), slice(None, None, across)
+
+
+def places_of(shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
+    """Where pixels lie in an image of a shape, x and y from -1 to 1, shape (2, ...)."""
+    height, width = shape
+    return np.array(np.broadcast_arrays(2 * (columns + 0.5) / width - 1, 2 * (rows + 0.5) / height - 1))
 
 
 def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
@@ -113,9 +119,10 @@ def measure_noise(
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
         used = np.abs(found).max(axis=0) > 0
-        every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // FEWEST))
+        fewest = BENT if bent else FEWEST
+        every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // fewest))
         numbers = np.arange(len(used)) if bent else np.flatnonzero(used)
-        telling = _with_more_bright(sample, every, images, light, numbers)
+        telling, places = _with_more_bright(sample, every, images, light, numbers)
         g = telling[used[numbers]]
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
@@ -127,10 +134,12 @@ def measure_noise(
         residual, unlit = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g), 0.0
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
         if bent:
-            whole = np.compress(g_top < saturation, telling, axis=1)
+            good = g_top < saturation
+            whole, places = np.compress(good, telling, axis=1), np.compress(good, places, axis=1)
             waves = [told(wave, whole) for wave in bent]
             lit = _lit(waves)
-            residual, level = (each[:, lit] for each in without_harmonics(residual, found, whole, waves, of=lit))
+            left = without_harmonics(residual, found, whole, waves, places, of=lit)
+            residual, level = (each[:, lit] for each in left)
         elif np.count_nonzero(whole := g.min(axis=0) > 0) >= FEWEST:  # what is cut off at 0 shows half its noise
             dim = ~whole & (np.ptp(g, axis=0) < DIM * quantile_of(np.ptp(g, axis=0), 0.9))
             unlit = robust_variance(residual[:, dim].ravel())
@@ -186,26 +195,30 @@ def _unlit(waves: Sequence[Told], lit: NDArray[np.bool_], shown: Singles) -> NDA
 
 def _with_more_bright(
     sample: Singles, every: int, images: Sequence[Image], light: Array | None, numbers: NDArray[np.intp]
-) -> Singles:
-    """Every so many pixels of some frames' sample; where few are bright, which show shot noise, with neighbours."""
-    sample = sample[numbers]
+) -> tuple[Singles, Array]:
+    """Every so many pixels of some frames' sample, and their places; where few are bright, which show shot noise, with
+    neighbours."""
+    sample, size = sample[numbers], images[0].shape
+    parts = spread(size)
+    rows, columns = (np.arange(n)[part] for n, part in zip(size, parts, strict=True))
+    places = places_of(size, rows[:, None], columns).reshape(2, -1)
     level = sample.mean(axis=0)
     low, high = (quantile_of(level, share) for share in (0.005, 0.995))
     limit = low + BRIGHT * (high - low)
     bright = np.flatnonzero(level > limit)
     if len(bright) > FEWEST:
-        return sample[:, ::every]
-    parts, around = spread(images[0].shape), []
-    index = np.divmod(bright, len(range(*parts[1].indices(images[0].shape[1]))))
-    for at, part, size in zip(index, parts, images[0].shape, strict=True):
+        return sample[:, ::every], places[:, ::every]
+    around: list[NDArray[np.intp]] = []
+    for index, each, part in zip(np.divmod(bright, len(columns)), (rows, columns), parts, strict=True):
         reach = min(1, (part.step - 1) // 2)  # none twice
-        around.append(np.clip((part.start or 0) + at[:, None] * part.step + np.arange(-reach, reach + 1), 0, size - 1))
-    rows, columns = around
-    near = (rows[:, :, None], columns[:, None, :])
-    more = np.stack([images[n][near].ravel().astype(np.float32) for n in numbers.tolist()])
+        around.append(np.clip(each[index][:, None] + np.arange(-reach, reach + 1), 0, size[len(around)] - 1))
+    down, across = (each.ravel() for each in np.broadcast_arrays(around[0][:, :, None], around[1][:, None, :]))
+    more = np.stack([images[n][down, across].astype(np.float32) for n in numbers.tolist()])
     if light is not None:
         more = np.einsum("fg,gn->fn", light[np.ix_(numbers, numbers)].astype(np.float32), more)
-    return np.concatenate([sample[:, ::every], more[:, more.mean(axis=0) > limit]], axis=1)
+    good = more.mean(axis=0) > limit
+    more, near = np.compress(good, more, axis=1), np.compress(good, places_of(size, down, across), axis=1)
+    return np.concatenate([sample[:, ::every], more], axis=1), np.concatenate([places[:, ::every], near], axis=1)
 
 
 def _without_misfit(
@@ -230,7 +243,8 @@ def _without_misfit(
         good &= lit[:, 1:-1]
         if not good.any():
             return whole
-        residual, level = without_harmonics(residual, factors, g, waves, spatial_residual, good)
+        places = places_of((height, width), np.arange(height)[rows, None], np.arange(width))
+        residual, level = without_harmonics(residual, factors, g, waves, places, spatial_residual, good)
         light = float(np.mean(np.square(np.abs(np.array([wave.seen for wave in waves])))))
     else:
         light = float(np.mean(np.square(np.ptp(g, axis=0)))) / 4
@@ -282,9 +296,9 @@ def _smoothness(
             factors = np.zeros((1, len(images)))
             factors[0, list(even)] = np.array(list(even.values())) / norm
             waves = [told(wave, shown) for wave in bent]
-            residual, level = (
-                each[0] for each in without_harmonics(residual[None], factors, shown, waves, also=spatial_residual)
-            )
+            places = places_of(images[0].shape, np.arange(height)[rows, None], np.arange(shown.shape[2]))
+            left = without_harmonics(residual[None], factors, shown, waves, places, spatial_residual)
+            residual, level = (each[0] for each in left)
         return residual[good], level[good]
     return _smoothest(images, saturation, *WHOLE)
 
