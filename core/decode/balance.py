@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from core.decode.noise import Noise
 from core.decode.sample import FEWEST
 from core.decode.tables import Array, AxisTable, Singles, make_rows, sums_of
+from core.numerics import quantile_of
 
 BRIGHT = 0.3  # part of the brightest pixels' contrast
 AROUND = 0.03  # part of the pixels to either side of the median that tell the middle between on and off
@@ -38,7 +39,7 @@ def balance(table: AxisTable, sample: Singles, noise: Noise) -> AxisTable:
     lit = contrast > 5 * np.sqrt(noise.variance(threshold))
     if lit.sum() < FEWEST:
         return table
-    bright = contrast > BRIGHT * np.quantile(contrast[lit], 0.98)  # of dim ones, grey values are as steps
+    bright = contrast > BRIGHT * quantile_of(contrast[lit], 0.98)  # of dim ones, grey values are as steps
     lit = bright if bright.sum() >= FEWEST else lit
     shown = np.stack(bits)[:, lit] + table.sign[:, None] * threshold[lit]
     middles, swing = _middles(-table.sign[:, None] * shown / contrast[lit])
