@@ -6,7 +6,7 @@ import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,13 +40,17 @@ from core.project.contents import contents_of
 from core.project.images import Image, read_image
 from core.project.lock import read_only, writing_results
 
+if TYPE_CHECKING:
+    from core.checks.planes import Form
+
 TOGETHER = "all devices"  # in place of the projector, where all that saw a point made it
 CAMERAS = "all cameras"  # where no projector is calibrated
 MODULES = ("core.evaluate.planes", "core.orient.motion", "core.reconstruct.points", "numpy.random")
 COMPARED = 3  # frames of planes that stand at one place
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
 
-Row = tuple[PlaneEvaluation, float, Sequence[str]]  # what the calibration alone makes of it, what is said of it
+# with it the form of the deviations, what the calibration alone makes of them, mm r.m.s., and what is said of it
+Row = tuple[PlaneEvaluation, "Form", float, Sequence[str]]
 
 
 def evaluate_project(
@@ -194,14 +198,14 @@ def _told(
     repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Put verdicts on planes, with `more` notes by capture."""
-    calibrated = {(row.capture, row.method, *row.devices): rms for row, rms, _ in found}
+    seen = {(row.capture, row.method, *row.devices): (form, rms) for row, form, rms, _ in found}
     notes: dict[str, tuple[str, ...]] = {name: (text,) for name, text in more.items()}
-    for row, _, said in found:
+    for row, *_, said in found:
         notes[row.capture] = tuple(dict.fromkeys((*notes.get(row.capture, ()), *said)))
     order = list(METHODS)
     verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
     result = sorted((row for row, *_ in found), key=lambda e: order.index(e.method))
-    return judge_planes(result, calibrated, notes, verdicts, repeated)
+    return judge_planes(result, seen, notes, verdicts, repeated)
 
 
 def covers(method: Method, calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
@@ -228,6 +232,7 @@ def _judged(
     said: Sequence[str],
     by: str,
 ) -> Row:
+    from core.checks import form_of, is_noise
     from core.evaluate import evaluate_plane
 
     method = METHODS[name]
@@ -241,7 +246,9 @@ def _judged(
             camera=method.camera(phase, calibration),
             outside=method.outside if by != CAMERAS else "no place that is surely its own in another camera",
         )
-    return replace(row, devices=(phase.camera, by)), calibration_rms(cloud), said
+    form = form_of(row.deviation_mm)
+    told = replace(row, devices=(phase.camera, by), form_pv_um=form.pv_um, noisy=is_noise(row, form))
+    return told, form, calibration_rms(cloud), said
 
 
 def _said_of_cameras(

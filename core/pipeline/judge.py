@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from core.model import Adjustment, Calibration, Concern, Method, PlaneEvaluation, PointCloud, Verdict, verdict_of
-from core.parallel import run_in_bands
 from core.pipeline.evidence import Evidence, noted
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
@@ -58,18 +57,18 @@ def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound:
 
 def judge_planes(
     evaluations: Sequence[PlaneEvaluation],
-    calibration_rms_mm: Mapping[tuple[str, Method, str, str], float],
+    seen: Mapping[tuple[str, Method, str, str], tuple[Form, float]],
     notes: Mapping[str, Sequence[str]] | None = None,
     verdicts: Mapping[Method, Verdict] | None = None,
     repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge planes, each against its prediction and all against each other.
 
-    `calibration_rms_mm` is by capture, method, camera and projector what the calibration's own uncertainty adds to the
-    deviations; `notes` is by capture what it says of itself; `verdicts` are those of the calibrations, which no plane's
-    is better than; `repeated` gives by capture the one whose frames it has, too.
+    `seen` is by capture, method, camera and projector the form of the deviations, and what the calibration's own
+    uncertainty adds to them, mm r.m.s.; `notes` is by capture what it says of itself; `verdicts` are those of the
+    calibrations, which no plane's is better than; `repeated` gives by capture the one whose frames it has, too.
     """
-    from core.checks import form_of, is_noise, pair_concerns, plane_concerns, plane_words
+    from core.checks import pair_concerns, plane_concerns, plane_words
 
     common = [
         Concern("failed", f"{b} shows the frames of {a}, but for scale and noise: copied there? Record one again", name)
@@ -80,16 +79,8 @@ def judge_planes(
     for devices in dict.fromkeys(e.devices for e in single):
         common += pair_concerns([e for e in single if e.devices == devices])
     judged = []
-    forms: dict[int, Form] = {}
-
-    def find_forms(start: int, stop: int) -> None:
-        forms.update((k, form_of(evaluations[k].deviation_mm)) for k in range(start, stop))
-
-    run_in_bands(find_forms, len(evaluations), least=1)
-    for k, e in enumerate(evaluations):
-        form = forms[k]
-        e = replace(e, form_pv_um=form.pv_um, noisy=is_noise(e, form))
-        concerns = plane_concerns(e, form, calibration_rms_mm.get((e.capture, e.method, *e.devices), 0.0))
+    for e in evaluations:
+        concerns = plane_concerns(e, *seen[e.capture, e.method, *e.devices])
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
         named = [c for c in common if c.about in ("", e.capture)]
         basis = (verdicts or {}).get(e.method)
