@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from datetime import date
@@ -11,10 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import DepthCalibration, DriftPoint, Method, PhotogrammetricCalibration, PlaneEvaluation, Project
+from core.model import (
+    Capture,
+    DepthCalibration,
+    DriftPoint,
+    Method,
+    PhotogrammetricCalibration,
+    PlaneEvaluation,
+    Project,
+)
 from core.pipeline.calibrate import load_adjustment, load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
-from core.pipeline.folders import captures_of, known_truth, result_path
+from core.pipeline.folders import all_captures, known_truth, result_path
 from core.pipeline.graph import Graph, project_states
 from core.pipeline.holdings import reported_now
 from core.pipeline.merge import kept_registration
@@ -22,6 +30,7 @@ from core.pipeline.methods import METHODS
 from core.pipeline.orient import drift_of
 from core.pipeline.picking import current_target_sets
 from core.pipeline.signed import load_sign_off
+from core.pipeline.states import ProjectStates
 from core.pipeline.volumes import volume_of_calibration
 from core.progress import SILENT, Progress
 from core.project import write_json
@@ -32,8 +41,10 @@ if TYPE_CHECKING:
     from core.report import ReportData, ReportPaths
 
 
-def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> ReportData:
-    """Gather what a report tells of, from the project's results."""
+def report_data(
+    project: Project, evaluations: tuple[PlaneEvaluation, ...], captures: Sequence[Capture] | None = None
+) -> ReportData:
+    """Gather what a report tells of, from the project's results; `captures` are all there are, if they are read."""
     from importlib.metadata import version  # most commands import this module for its words only
 
     data = _result_data(project, evaluations)
@@ -44,7 +55,7 @@ def report_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> R
         made_by=f"stripe-core {version('stripe-workbench')}",
         sign_off=load_sign_off(project, evaluations),
         drift=_drift(project, found),
-        responses=_responses(project),
+        responses=_responses(project, captures),
         merged=None if found is None else kept_registration(project, found),
     )
 
@@ -71,10 +82,10 @@ def _result_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> 
     )
 
 
-def _responses(project: Project) -> dict[str, dict[str, Any]]:
+def _responses(project: Project, captures: Sequence[Capture] | None) -> dict[str, dict[str, Any]]:
     """Give the response curves by projector and capture, of the captures that show one."""
     found: dict[str, dict[str, Any]] = {}
-    for targets in current_target_sets(project):
+    for targets in current_target_sets(project, captures):
         if targets.response is not None:
             found.setdefault(targets.projector, {})[targets.capture] = targets.response
     return found
@@ -82,7 +93,9 @@ def _responses(project: Project) -> dict[str, dict[str, Any]]:
 
 def _drift(project: Project, calibration: PhotogrammetricCalibration | None) -> tuple[tuple[DriftPoint, ...], ...]:
     """Give the control charts of what `orient` has kept."""
-    charts = {} if calibration is None else drift_of(project, kept=True)
+    if calibration is None or not result_path(project, "drift").is_dir():
+        return ()
+    charts = drift_of(project, kept=True)
     return tuple(chart for chart in charts.values() if len(chart) > 1)
 
 
@@ -120,14 +133,17 @@ def report_project(
         check_place(out / name)
     writes = not fixed and (evaluations is None or out == own)
     with writing_results(project.path, "report") if writes else nullcontext():
-        data = report_data(project, evaluations or ())  # what is damaged is told before the evaluation is written anew
-        if evaluations is None:
-            evaluations = _planes(project, progress.part(0.0, 0.5))
+        captures = all_captures(project)
+        data = report_data(project, evaluations or (), captures)  # what is damaged is told before anything is written
+        states = _states(project, captures)
+        if evaluations is None and (evaluations := _kept_planes(project, captures, states)) is None:
+            evaluations = evaluate_project(project, progress.part(0.0, 0.5))
+            states = _states(project)
         data = replace(
             data,
             evaluations=evaluations,
             sign_off=load_sign_off(project, evaluations),
-            outdated=outdated_words(project),
+            outdated=_outdated(states),
         )
         record = reported_now(project)
         paths = write_report(data, out, progress=progress.part(0.5, 1.0))
@@ -136,17 +152,25 @@ def report_project(
     return paths
 
 
-def _planes(project: Project, progress: Progress) -> tuple[PlaneEvaluation, ...]:
-    """Evaluate all planes, or take the evaluation there is if it is of just them as they are."""
-    if not captures_of(project, "plane"):
+def _kept_planes(
+    project: Project, captures: Sequence[Capture], states: ProjectStates
+) -> tuple[PlaneEvaluation, ...] | None:
+    """Give the evaluation there is if it is of all planes as they are; None where they must be evaluated."""
+    if not any(c.role == "plane" for c in captures):
         return ()
-    states = Graph(project).of_results()
-    if states.stages["evaluate"].state == "current" and all(
-        of["evaluate"].state == "current" for of in states.captures.values()
-    ):
+    planes = (of["evaluate"] for of in states.captures.values())
+    if all(state.state == "current" for state in (states.stages["evaluate"], *planes)):
         with suppress(InputError):  # damaged: made anew
             return load_evaluation(project)
-    return evaluate_project(project, progress)
+    return None
+
+
+def _states(project: Project, captures: Sequence[Capture] = ()) -> ProjectStates:
+    return Graph(project, {c.path: c for c in captures}).of_results()
+
+
+def _outdated(states: ProjectStates) -> tuple[str, ...]:
+    return states.outdated("calibrate") or states.outdated("evaluate")
 
 
 def outdated_words(project: Project, method: Method | None = None) -> tuple[str, ...]:
@@ -154,10 +178,7 @@ def outdated_words(project: Project, method: Method | None = None) -> tuple[str,
 
     With a method, whether its calibration does.
     """
-    if method is not None:
-        return Graph(project).of_calibrations([method])
-    states = Graph(project).of_results()
-    return states.outdated("calibrate") or states.outdated("evaluate")
+    return _outdated(_states(project)) if method is None else Graph(project).of_calibrations([method])
 
 
 def result_tables(project: Project, evaluations: tuple[PlaneEvaluation, ...] = ()) -> str:

@@ -21,11 +21,12 @@ from matplotlib.artist import ArtistInspector
 def _undocumented() -> Iterator[None]:
     """Let matplotlib import its artists without listing their properties in docstrings: a third of the time."""
     inspector: Any = ArtistInspector
-    listed, inspector.get_setters = inspector.get_setters, lambda _: []
+    listed = inspector.get_setters, inspector.get_aliases
+    inspector.get_setters, inspector.get_aliases = (lambda _: []), (lambda _: {})
     try:
         yield
     finally:
-        inspector.get_setters = listed
+        inspector.get_setters, inspector.get_aliases = listed
 
 
 with _undocumented():

@@ -177,7 +177,7 @@ def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np
         axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
         return
     values = finite_deviations(evaluation)
-    counts, _ = np.histogram(values, edges)
+    counts, _ = np.histogram(values, len(edges) - 1, (edges[0], edges[-1]))  # evenly wide, it sorts nothing
     heights = 100 * counts / len(values)
     axes.add_artist(StepPatch(heights, edges, fill=True, color=FILL, linewidth=0, label="measured"))
     axes.update_datalim([(edges[0], 0.0), (edges[-1], heights.max())])  # which stairs look for edge by edge
