@@ -147,7 +147,7 @@ def paint_at(
     """Albedo of the board, and the height over its form, at a place where a ray of slopes (sx, sy) per z arrives.
 
     The share of a circle is that of the subsample's footprint, a parallelogram of the sides u and v, cut by a straight
-    edge: the sum over a pixel counts areas.
+    edge as far in as the circle is on average: the sum over a pixel counts areas.
     """
     albedo, lift = board[2], 0.0
     i, j = int((x - grid[0]) / grid[2]), int((y - grid[1]) / grid[2])
@@ -161,7 +161,9 @@ def paint_at(
         ex, ey = x + sx * above - circles[n, 0], y + sy * above - circles[n, 1]
         away = max(np.sqrt(ex * ex + ey * ey), 1e-12)
         a, b = abs(ex * ux + ey * uy) / away, abs(ex * vx + ey * vy) / away
-        cover = share_of_footprint(circles[n, 3] - away, max(a, b), min(a, b))
+        # the edge recedes from its tangent by the square of the way along it, over twice the radius
+        along = ((ex * uy - ey * ux) ** 2 + (ex * vy - ey * vx) ** 2) / (away * away)
+        cover = share_of_footprint(circles[n, 3] - away - along / (24 * circles[n, 3]), max(a, b), min(a, b))
         if cover > 0:
             albedo += cover * (circles[n, 4] - albedo)
             if cover > 0.5:
