@@ -18,14 +18,16 @@ from core.errors import InputError
 from core.geometry import project, ray_directions
 from core.lazy import dataclass
 from core.measure.blobs import connected_spots
+from core.measure.steps import MOST_LEVERAGE, Lay, covariance, light_within, width_px
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
 from core.numerics import distinct, quadratic, sigma_by_median
 
-BLUR_PX = 0.8  # where the fit begins
+LENS_PX = 0.7  # blur by which the fit begins
 REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST_REACH px at least
 LEAST_REACH = 2.5
 RING_PX, RING, LEAST_RING_PX = 3.0, 0.6, 8.0  # the surface is taken from so far off the edge, over a share of its size
 GROSS, ROUGH = 5.0, 4.0  # standard deviations: of single points, and of all where the surface bends too much
+SIDES, AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1)), 0.1  # share of the ring's points that each side has at least
 WITHIN_PX, MOSTLY = 1.0, 5.0  # inside a mark, whose surface is taken where it tells so many times more
 FEWEST_PIXELS, FEWEST_POINTS = 25, 20
 PASSES = 3
@@ -33,10 +35,10 @@ MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to b
 MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
 LEAST_RADIUS_PX, FLATTEST, UNEVEN = 2.5, 0.3, 0.1  # of what is found: radius, ratio of axes, area off an ellipse's
 SURROUNDINGS, LEAST_CONTRAST = 6, 0.15  # share of the width whose median is the ground; of its light
-STRAIGHT = 1e4  # blurs: the radius of an edge that counts as straight
 CONTOUR = 360  # places of a contour that are carried to the surface
 UNLIKE, OTHER = 0.1, 0.2  # of the step at an edge: what is farther off counts less, and not: a lit wall behind a hole
 BESIDE_PX = 5  # side of the square around each of these that is left out
+SORTING = 3.0  # of the variance of half the difference: with it sorted axes of a circle hold their sigmas, in the mean
 NEAR_PX = 1e-7  # over which slopes are taken
 CONTRAST = 10.0  # standard deviations of the grey values that an edge must step by
 
@@ -131,7 +133,7 @@ def _sigma_of_lengths(lengths: Array, covariance: Array) -> Array:
     """Standard deviations of semi-axes in order of length: noise makes a circle an ellipse, in whatever direction."""
     half = np.ptp(lengths) / 2
     of_half = float(np.array([1, -1]) @ covariance @ np.array([1, -1])) / 4 if len(lengths) == 2 else 0.0
-    sorting = of_half**2 / max(of_half + half**2 / 2, 1e-300)
+    sorting = SORTING * of_half**2 / max(of_half + half**2 / 2, 1e-300)
     return np.sqrt(np.diagonal(covariance) + sorting)
 
 
@@ -143,12 +145,12 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
     """
     from scipy.optimize import least_squares
 
-    shape, blur, k = edge.start, BLUR_PX, len(edge.start)
+    shape, lens, k = edge.start, LENS_PX, len(edge.start)
     rows, columns = np.nonzero(np.isfinite(image))
     every = np.stack([columns, rows], axis=1).astype(np.float64)
     every = every[edge.near(every)]
     for again in range(PASSES):
-        at = every[np.abs(edge.distance(shape, every)) < max(REACH * blur, LEAST_REACH)]
+        at = every[np.abs(edge.distance(shape, every)) < max(REACH * width_px(lens), LEAST_REACH)]
         if again:
             at = at[_before_others(edge.distance(shape, at), image[tuple(at.astype(int).T[::-1])])]
         inside = edge.distance(shape, at) < 0
@@ -156,24 +158,24 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
         grey = image[at[:, 1].astype(int), at[:, 0].astype(int)].astype(np.float64)
         off = (at - at.mean(axis=0)) / np.ptp(at)
-        bent = edge.curvature(shape, at) * bool(again)  # from afar a straight edge is found more surely
+        lay = _lay(edge, shape, at, straight=not again)  # from afar a straight edge is found more surely
         outer, inner = float(np.median(grey[~inside])), float(np.median(grey[inside]))
 
-        def rest(p: Array, at: Array = at, grey: Array = grey, off: Array = off, bent: Array = bent) -> Array:
-            step = _blurred(edge.distance(p[:k], at), bent, float(abs(p[-1])) + 1e-9)
+        def rest(p: Array, at: Array = at, grey: Array = grey, off: Array = off, lay: Lay = lay) -> Array:
+            step = light_within(edge.distance(p[:k], at), lay, p[-1])
             return np.asarray((p[k] + off @ p[k + 1 : k + 3]) * (1 + p[-2] * step) - grey)
 
-        def slopes(p: Array, at: Array = at, _: Array = grey, off: Array = off, bent: Array = bent) -> Array:
-            away, blur = edge.distance(p[:k], at), float(abs(p[-1])) + 1e-9
-            step, light = _blurred(away, bent, blur), p[k] + off @ p[k + 1 : k + 3]
-            by_away = (_blurred(away + NEAR_PX, bent, blur) - step) / NEAR_PX
-            by_blur = (_blurred(away, bent, blur + NEAR_PX) - step) / NEAR_PX * np.sign(p[-1])
+        def slopes(p: Array, at: Array = at, _: Array = grey, off: Array = off, lay: Lay = lay) -> Array:
+            away = edge.distance(p[:k], at)
+            step, light = light_within(away, lay, p[-1]), p[k] + off @ p[k + 1 : k + 3]
+            by_away = (light_within(away + NEAR_PX, lay, p[-1]) - step) / NEAR_PX
+            by_blur = (light_within(away, lay, p[-1] + NEAR_PX) - step) / NEAR_PX
             moved = (edge.distance(p[:k] + d, at) - away for d in NEAR_PX * np.eye(k))
             by_shape = [p[-2] * light * by_away * more / NEAR_PX for more in moved]
             ground = (1 + p[-2] * step) * np.stack([np.ones(len(at)), *off.T])
             return np.stack([*by_shape, *ground, light * step, p[-2] * light * by_blur], axis=1)
 
-        start = np.array([*shape, outer, 0.0, 0.0, inner / max(outer, 1e-6) - 1, blur])
+        start = np.array([*shape, outer, 0.0, 0.0, inner / max(outer, 1e-6) - 1, lens])
         most = max(UNLIKE * abs(outer - inner), 1e-3)
         fit = least_squares(rest, start, slopes, x_scale="jac", max_nfev=50, loss="cauchy", f_scale=most)
         limit = max(GROSS * sigma_by_median(fit.fun), OTHER * abs(fit.x[-2] * fit.x[k]))
@@ -182,18 +184,26 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
         alike = cv2.dilate(unlike, np.ones((BESIDE_PX, BESIDE_PX)))[tuple(at.astype(int).T[::-1])] == 0
         if np.count_nonzero(alike) < FEWEST_PIXELS:
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
-        at, chosen = at[alike], tuple(each[alike] for each in (at, grey, off, bent))
+        at, chosen = at[alike], (at[alike], grey[alike], off[alike], Lay(*(each[alike] for each in lay)))
         fit = least_squares(rest, fit.x, slopes, x_scale="jac", max_nfev=50, args=chosen)
-        shape, blur = fit.x[:k], float(abs(fit.x[-1]))
+        shape, lens = fit.x[:k], float(fit.x[-1])
     begun = edge.contour(edge.start)
     moved = float(np.abs(edge.distance(shape, begun)).max())
     contrast = abs(fit.x[-2] * fit.x[k]) * np.sqrt(len(at)) / max(float(np.std(fit.fun)), 1e-9)
-    N, scores = np.linalg.pinv(fit.jac.T @ fit.jac), fit.jac * fit.fun[:, None]
-    cov = N @ (scores.T @ scores) @ N * (len(at) / (len(at) - len(fit.x)))
+    row_moved = (rest(fit.x, at - (NEAR_PX, 0.0), *chosen[1:]) - fit.fun) / NEAR_PX
+    cov = covariance(fit.jac, fit.fun, row_moved, at[:, 1].astype(int))
     vague = np.sqrt(np.diagonal(cov)[:k].max()) > MOST_VAGUE_PX
     if not contrast > CONTRAST or vague or moved > MOST_MOVED * np.ptp(begun):
         raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
-    return shape, cov[:k, :k], blur, len(at)
+    return shape, cov[:k, :k], width_px(lens), len(at)
+
+
+def _lay(edge: Edge, shape: Array, at: Array, straight: bool) -> Lay:
+    """How an edge lies in pixels (n, 2); a straight one is not curved."""
+    away, bent = edge.distance(shape, at), edge.curvature(shape, at)
+    slopes = [(edge.distance(shape, at + step) - away) / NEAR_PX for step in NEAR_PX * np.eye(2)]
+    u, v = slopes / np.maximum(np.hypot(*slopes), NEAR_PX)
+    return Lay(np.zeros_like(bent) if straight else bent, u, v)
 
 
 def _before_others(away: Array, grey: Array) -> NDArray[np.bool_]:
@@ -207,23 +217,6 @@ def _before_others(away: Array, grey: Array) -> NDArray[np.bool_]:
             if abs(level[-1] - level[turn]) > UNLIKE * abs(level[turn] - level[0]):
                 chosen &= ~side | (step <= found[turn])
     return chosen
-
-
-def _blurred(away: Array, curvature: Array, blur: float) -> Array:
-    """Share of the light of a disc, whose edge is so far away, that a Gaussian blur leaves.
-
-    That is the non-central chi-squared distribution of two degrees of freedom, by Sankaran's approximation,
-    doi:10.1093/biomet/50.1-2.199; to 0.002 where the radius is three blurs.
-    """
-    from scipy.special import ndtr
-
-    radius = 1 / np.maximum(curvature * blur, 1 / STRAIGHT)
-    squared = np.maximum(radius + away / blur, 0.0) ** 2
-    mean, p = 2 + squared, 2 * (1 + squared) / (2 + squared) ** 2
-    h = 1 - mean * (2 + 3 * squared) / (6 * (1 + squared) ** 2)
-    m = (h - 1) * (1 - 3 * h)
-    middle = 1 + h * p * (h - 1 - (2 - h) * m * p / 2)
-    return np.asarray(ndtr(((radius**2 / mean) ** h - middle) / (h * np.sqrt(2 * p) * (1 + m * p / 2))))
 
 
 def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[Array, Array, Array, float]:
@@ -243,6 +236,8 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
     ring = (away > RING_PX) & (away < RING_PX + max(RING * scale, LEAST_RING_PX))
     if weight[within := away < -WITHIN_PX].sum() > MOSTLY * weight[ring].sum():  # a bright mark on dark ground
         ring = within
+    elif min(np.count_nonzero((at - middle)[ring] @ side > 0) for side in SIDES) < AROUND * np.count_nonzero(ring):
+        ring |= within  # beyond one side alone the surface is hardly known
     if np.count_nonzero(ring) < FEWEST_POINTS:
         seen = f"{np.count_nonzero(ring)} points lie on the surface beside the edge"
         raise InputError(where, seen, "capture it with more light on the surface around it")
@@ -256,7 +251,8 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
     if cloud.sigma_depth_mm is not None and (rough := sigma_by_median(rest)) > ROUGH:
         seen = f"the surface beside the edge is off a smooth one by {rough:.1f} times its noise"
         raise InputError(where, seen, "name an edge on a plane or a slightly curved surface")
-    scores = A * (np.sqrt(weight) * rest)[:, None]
+    own = 1 - np.minimum(weight * np.einsum("ij,jk,ik->i", A, N, A), MOST_LEVERAGE)
+    scores = A * (np.sqrt(weight / own) * rest)[:, None]
     return surface, N @ (scores.T @ scores) @ N, middle, scale
 
 
