@@ -12,13 +12,14 @@ import numpy as np
 from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, unit_hint
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, NetworkScale
-from core.numerics import chi_square_limit, nearest, normal_limit
+from core.numerics import chi_square_limit, median_of, nearest, normal_limit
 
 OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 UNLIKE_SCALE, KEPT = 0.05, 2.0  # where they keep their shape: prints that are fitted to the page shrink by less; times
 LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
 OUTSIDE = 0.02  # of the image: no target is measured farther from it
 NEAR = 0.1  # of c: at 10:1 a lens has its object at 0.1 c
+SURER = 2.0  # times that an image's sigmas are smaller than the other images'
 FEWEST = 4  # observations that two images have in common to the last digit
 
 
@@ -26,7 +27,7 @@ def given_concerns(adjustment: Adjustment) -> list[Concern]:
     """Hold observations against devices, and adjusted points against points.csv and the lengths in network.json."""
     network = adjustment.network
     bars = [network.scale, *network.lengths] if network.scale else list(network.lengths)
-    told = [*_outside(adjustment), *_twice(adjustment), *_too_near(adjustment)]
+    told = [*_outside(adjustment), *_twice(adjustment), *_too_near(adjustment), *_too_sure(adjustment)]
     concerns = [Concern("doubtful", text) for text in told] + _known(adjustment) + _exchanged(adjustment)
     weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
     if bars or weighed:
@@ -84,6 +85,29 @@ def _too_near(adjustment: Adjustment) -> Iterator[str]:
                 "coordinates and lengths in mm, not in m"
             )
             return
+
+
+def _too_sure(adjustment: Adjustment) -> Iterator[str]:
+    """H0: images to which the file gives far smaller sigmas than to a device's others hold these as well as they do.
+
+    An image that is overweighed bends the points to itself, and its own residuals tell little of that.
+    """
+    network = adjustment.network
+    station, count = network.observation_station, len(network.station_names)
+    squares = np.nansum((adjustment.residuals / network.observation_sigma) ** 2, axis=1)
+    redundancy = np.bincount(station, np.nansum(adjustment.redundancy_numbers, axis=1), count)
+    factor = np.bincount(station, squares, count) / np.maximum(redundancy, 1e-9)
+    sigma = np.array([median_of(network.observation_sigma[station == k]) for k in range(count)])
+    for name in network.devices:
+        own = np.flatnonzero((np.array(network.station_device) == name) & (redundancy > 1))
+        usual, rest = (median_of(each[own]) if len(own) >= FEWEST else 0.0 for each in (sigma, factor))
+        for k in own[sigma[own] < usual / SURER]:
+            if factor[k] * redundancy[k] > max(rest, 1.0) * chi_square_limit(redundancy[k], LEVEL):
+                yield (
+                    f"observations.csv: sigma_px of station {network.station_names[k]} is {sigma[k]:.2g}, of the other "
+                    f"images by {name} {usual:.2g}, but its residuals are {factor[k] ** 0.5:.2g} times what it allows: "
+                    "correct it"
+                )
 
 
 def _off(source: Array, target: Array) -> float:

@@ -45,6 +45,12 @@ def times(scale: NetworkScale, factor: float) -> NetworkScale:
     return replace(scale, length_mm=scale.length_mm * factor, sigma_mm=scale.sigma_mm * factor)
 
 
+def surer(n: Network) -> Network:
+    sigma = n.observation_sigma.copy()
+    sigma[n.observation_station == 4] /= 10
+    return replace(n, observation_sigma=sigma)
+
+
 def in_metres(n: Network) -> Network:
     return replace(n, point_xyz_mm=n.point_xyz_mm / 1000, scale=times(n.scale, 1e-3))
 
@@ -58,6 +64,7 @@ def longer(n: Network) -> Network:
     [
         (from_the_centre, "observations by camera lie outside its 748 x 576 px"),
         (a_station_twice, f"observations of again are those of {SOUND.station_names[4]}: remove one of the two"),
+        (surer, f"sigma_px of station {SOUND.station_names[4]} is 0.002, of the other images by camera 0.02, but"),
         (in_metres, "give coordinates and lengths in mm, not in m"),
         (longer, "whose points keep their shape: correct the length"),
     ],
@@ -80,6 +87,13 @@ def test_rough_places_of_another_scale_are_not_accused(seed: int) -> None:
     sound = simulated_network(seed=seed, approximation_mm=20.0).network
     assert told(sound) == ()
     assert told(replace(sound, point_xyz_mm=sound.point_xyz_mm * 1.04)) == ()
+
+
+def test_images_that_are_sharper_than_others_are_not_accused() -> None:
+    sharp = SOUND.observation_station % 4 == 0
+    blurred, sigma = np.random.default_rng(7), np.where(sharp, 1, 4)[:, None] * SOUND.observation_sigma
+    uv = SOUND.observation_uv + blurred.normal(0, np.sqrt(sigma**2 - SOUND.observation_sigma**2))
+    assert told(replace(SOUND, observation_uv=uv, observation_sigma=sigma)) == ()
 
 
 def test_columns_alone_are_held_against_the_image_without_a_warning() -> None:
