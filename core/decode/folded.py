@@ -6,7 +6,11 @@ unequal offsets once. Three steps of one period cannot show it, as any three gre
 over a window of smooth surface the coordinate is a quadratic polynomial of the pixel, and what it deviates by follows
 the phase, the same in all windows. Windows tell how sure that is: a surface that is no polynomial deviates otherwise
 in each. Windows are as small as the shortest wave allows: beside it, waves once a period are rarely told. A surface
-that keeps step with the fringes to less than a turn over the image, as corrugations may, is taken for a wave.
+that keeps step with the fringes to a quarter of a turn over the image, as corrugations may, is taken for a wave; what
+drifts more has other phases in other windows, which nothing but a surface makes.
+
+Blur, which dims what a response leaves more than the fringes themselves, differs over the image: what repeats N times a
+period may be a wave of another size at every place, quadratically, but of one phase.
 """
 
 from __future__ import annotations
@@ -18,13 +22,13 @@ import numpy as np
 
 from core.decode.tables import Singles
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, chi_square_limit, median_of, quadratic, row_median
+from core.numerics import MEDIAN_OF_NORMAL, chi_square_limit, fisher_limit, median_of, quadratic, row_median
 from core.parallel import run_in_bands
 
 CYCLES = 2.0  # of a wave that a window holds at least: of fewer, a polynomial takes too much
 SMALLEST, WIDEST, ACROSS = 16, 128, 12  # pixels along a window, and windows along an axis
 THICK, BLURRED = 24, 0.6  # pixels along a window, of more means, in which a wave has so many cycles at most
-FEWEST = 16  # windows
+FEWEST, MANY = 16, 4  # windows, and of them for every number that tells how waves differ over the image
 FULL = 0.75  # of a window's pixels have a coordinate
 GROSS = 4.0  # sigmas from the polynomial; windows with `FULL` of the others less than this from it are smooth
 ROUGH = 3.0  # times the median window's deviations are no smooth surface
@@ -33,18 +37,26 @@ CHANCE = 1e-7  # that a wave is found where there is none
 SEEN, SHOWN = 0.8, 0.7  # cycles a pixel that neighbours tell; a line, beyond which blur leaves none
 LINES_TAKEN = 100  # rows and columns that tell the slope
 LEAST = 0.002  # lines: less is not worth it, nor is any window surer of its surface
+TURNED = 0.15  # of a wave's squares a quarter turn from the others, beyond which the surface makes it: blur turns none
+BY_CHANCE = 1.0  # of such squares by their variances, in the median, twice what noise makes
 MOST = 0.02  # of a period: more is the scene in step with the fringes
+TINY = 1e-12
 PLACES = 512  # of a period
 TURNS = 2 * np.pi * (np.arange(PLACES) + 0.5) / PLACES
 
 
 class Wave(NamedTuple):
-    """A wave of coordinates: so many cycles a period, its cosine and sine part in lines."""
+    """A wave of coordinates: so many cycles a period, and its cosine and sine part in lines, (2, 6), each of them a
+    quadratic polynomial of the place in the image, x and y from -1 to 1."""
 
     period: float
     order: int
-    cosine: float
-    sine: float
+    parts: Array
+
+    def at(self, rows: Array, columns: Array) -> Array:
+        """Cosine and sine part where rows (h,) and columns (w,) of the image, each from -1 to 1, meet: (2, h, w)."""
+        y, (even, x, y_part, xx, xy, yy) = rows[:, None], self.parts.T[..., None, None]
+        return np.asarray(even + y_part * y + yy * y * y + columns * (x + xy * y + xx * columns))
 
 
 def take_waves_out(u: Singles, periods: list[tuple[float, int]]) -> None:
@@ -52,15 +64,39 @@ def take_waves_out(u: Singles, periods: list[tuple[float, int]]) -> None:
     waves = find_waves(u, periods)
     for period in {wave.period for wave in waves}:
         mine = [wave for wave in waves if wave.period == period]
-        away = sum(w.cosine * np.cos(w.order * TURNS) + w.sine * np.sin(w.order * TURNS) for w in mine)
-        run_in_bands(partial(_subtract, u, np.asarray(away, np.float32), period), len(u))
+        run_in_bands(partial(_subtract, u, mine, period), len(u))
 
 
-def _subtract(u: Singles, away: Singles, period: float, first: int, last: int) -> None:
-    place = u[first:last]
+def _subtract(u: Singles, waves: list[Wave], period: float, first: int, last: int) -> None:
+    place, columns = u[first:last], _from_edge_to_edge(u.shape[1])
     with np.errstate(invalid="ignore"):  # of NaN any place, which stays NaN
         at = ((place + np.float32(0.5)) * np.float32(PLACES / period)).astype(np.int32) & (PLACES - 1)
+    away = np.zeros(PLACES, np.float32)
+    for wave in waves:
+        cosine, sine = (f(wave.order * TURNS).astype(np.float32) for f in (np.cos, np.sin))
+        if not wave.parts[:, 1:].any():
+            away += wave.parts[0, 0] * cosine + wave.parts[1, 0] * sine
+            continue
+        here = wave.at(_from_edge_to_edge(len(u))[first:last], columns).astype(np.float32)
+        place -= here[0] * cosine[at] + here[1] * sine[at]
     place -= away[at]
+
+
+def _from_edge_to_edge(size: int) -> Array:
+    """Middles of so many pixels, from -1 to 1."""
+    return (2 * np.arange(size) + 1) / size - 1
+
+
+class Windows(NamedTuple):
+    """Windows of smooth surface: normal equations (m, 2 n, 2 n) and right sides (m, 2 n) of the waves, and the terms
+    (m, 6) of a quadratic polynomial of the place in the image."""
+
+    normal: Array
+    right: Array
+    terms: Array
+
+
+Column = tuple[int, int]  # wave, term
 
 
 def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
@@ -81,30 +117,89 @@ def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
     if not seen or most < SMALLEST:
         return []
     waves = list(seen.values())
-    normal, right = _windows(u, max(SMALLEST, int(np.ceil(CYCLES / min(seen) / steep))), slopes, waves)
+    side = max(SMALLEST, int(np.ceil(CYCLES / min(seen) / steep)))
+    told = _windows(u, side, slopes, waves)
+    if len(told.right) < FEWEST:
+        return []
+    columns = _even([(n, 0) for n in range(len(waves))], told)
+    columns = [column for column in columns if not _turns(column[0], columns, told)]
+    for n, wave in enumerate(waves):
+        columns = _uneven(n, columns, told) if wave in periods else columns
+    found = np.array([_in_phase(parts, told.terms) for parts in _parts(columns, told)])
+    size = np.hypot(*np.moveaxis(found @ told.terms.T, 1, 0))  # (waves, windows)
+    usual, most = np.sqrt(np.mean(np.square(size), axis=1)), size.max(axis=1)
+    return [Wave(*waves[n], found[n]) for n in range(len(waves)) if usual[n] > LEAST and most[n] < MOST * waves[n][0]]
+
+
+def _even(columns: list[Column], told: Windows) -> list[Column]:
+    """Of waves of one size all over the image, those that are sure."""
     limit = chi_square_limit(2, CHANCE)
-    while waves and len(right) >= FEWEST:
-        parts, covariance = _solve(normal, right)
-        covariance += np.eye(2) * LEAST**2 / limit  # so that less than `LEAST` is never sure
-        sure = np.einsum("ni,nij,nj->n", parts, np.linalg.inv(covariance), parts)
+    while columns:
+        parts, covariance = _solve(columns, told)
+        own = covariance.reshape(*2 * parts.shape)[range(len(parts)), :, range(len(parts))]
+        own = own + np.eye(2) * LEAST**2 / limit  # so that less than `LEAST` is never sure
+        sure = np.einsum("ni,nij,nj->n", parts, np.linalg.inv(own), parts)
         least = int(np.argmin(sure))
         if sure[least] > limit:
-            found = [Wave(p, k, c, s) for (p, k), (c, s) in zip(waves, parts.tolist(), strict=True)]
-            return [w for w in found if LEAST < np.hypot(w.cosine, w.sine) < MOST * w.period]
-        del waves[least]
-        kept = np.delete(np.arange(2 * len(parts)), [2 * least, 2 * least + 1])
-        normal, right = normal[:, kept][:, :, kept], right[:, kept]
-    return []
+            break
+        columns = columns[:least] + columns[least + 1 :]
+    return columns
 
 
-def _solve(normal: Array, right: Array) -> tuple[Array, Array]:
-    """Cosine and sine parts (n, 2) by all windows together, and their covariances (n, 2, 2) by how windows differ."""
-    total = normal.sum(axis=0)
+def _uneven(n: int, columns: list[Column], told: Windows) -> list[Column]:
+    """The columns, and all terms of one wave if it surely differs over the image."""
+    others, terms = [column for column in columns if column[0] != n], told.terms.shape[1]
+    new = [(n, term) for term in range(terms)]
+    many, number = len(told.right), 2 * (terms - 1)
+    if many < MANY * 2 * len(others + new):
+        return columns
+    parts, covariance = _solve(others + new, told)
+    limit = number * (many - 1) / (many - number) * fisher_limit(number, many - number, CHANCE)  # Hotelling
+    own = covariance[-number:, -number:] + np.eye(number) * LEAST**2 / limit
+    more = parts.ravel()[-number:]
+    sure = more @ np.linalg.solve(own, more) > limit
+    return others + new if sure and not _turns(n, others + new, told) else columns
+
+
+def _turns(n: int, columns: list[Column], told: Windows) -> bool:
+    """Whether a wave has other phases in other windows, as has what a surface itself repeats."""
+    sizes = np.einsum("nkt,mt->mnk", _parts(columns, told), told.terms)
+    phases = np.linalg.svd(sizes[:, n].T)[0]  # the wave's own, and what is a quarter turn from it
+    sizes[:, n] = 0
+    mine, many = slice(2 * n, 2 * n + 2), len(sizes)
+    seen = told.right[:, mine] - np.einsum("mij,mj->mi", told.normal[:, mine], sizes.reshape(many, -1))
+    strength = np.einsum("ik,mij,jk->mk", phases, told.normal[:, mine, mine], phases)
+    own, turned = np.median(np.square(seen @ phases) / np.maximum(strength, TINY), axis=0)
+    return bool(turned > max(TURNED * own, BY_CHANCE))
+
+
+def _parts(columns: list[Column], told: Windows) -> Array:
+    """Cosine and sine parts of all waves by all windows together, shape (n, 2, 6)."""
+    parts = np.zeros((told.right.shape[1] // 2, 2, told.terms.shape[1]))
+    for (n, term), part in zip(columns, _solve(columns, told)[0], strict=True):
+        parts[n, :, term] = part
+    return parts
+
+
+def _in_phase(parts: Array, terms: Array) -> Array:
+    """Parts (2, 6) of a wave as one phase has them everywhere."""
+    main = np.linalg.svd(parts @ terms.T, full_matrices=False)[0][:, 0]
+    return np.outer(main, main) @ parts
+
+
+def _solve(columns: list[Column], told: Windows) -> tuple[Array, Array]:
+    """Cosine and sine parts (columns, 2) by all windows together, and their covariance by how windows differ."""
+    shape = np.zeros((*told.right.shape, 2 * len(columns)))
+    for k, (n, term) in enumerate(columns):
+        shape[:, 2 * n, 2 * k] = shape[:, 2 * n + 1, 2 * k + 1] = told.terms[:, term]
+    turned = shape.transpose(0, 2, 1)
+    normal, right = turned @ told.normal @ shape, (turned @ told.right[..., None])[..., 0]
+    total, many = normal.sum(axis=0), len(right)
     inverse = np.linalg.inv(total + np.eye(len(total)))  # an even surface, and two pixels a wave, tell no wave: none
-    solution, n = inverse @ right.sum(axis=0), right.shape[1] // 2
+    solution = inverse @ right.sum(axis=0)
     score = right - normal @ solution
-    covariance = inverse @ (score.T @ score) @ inverse * len(score) / (len(score) - 1)
-    return solution.reshape(n, 2), covariance.reshape(n, 2, n, 2)[range(n), :, range(n)]
+    covariance = inverse @ (score.T @ score) @ inverse * many / max(many - len(total), 1)
+    return solution.reshape(-1, 2), covariance
 
 
 def _slopes(u: Singles) -> tuple[float, float]:
@@ -121,15 +216,19 @@ def _thinned(u: Singles, times: int) -> Singles:
     return np.asarray(sum(parts[1:], parts[0]) / np.float32(times * times), np.float32)
 
 
-def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tuple[float, int]]) -> tuple[Array, Array]:
-    """Normal equations (windows, 2 n, 2 n) and right sides (windows, 2 n) of the waves, beside a polynomial."""
+def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tuple[float, int]]) -> Windows:
+    """What windows tell of the waves, beside a polynomial of the surface."""
     times = -(-side // THICK)
     u, side = _thinned(u, times), side // times
     offsets = np.arange(side)
     firsts = [np.linspace(0, size - side, min(ACROSS, size // side)).astype(int) for size in u.shape]
     rows, columns = firsts[0][:, None, None, None] + offsets[:, None], firsts[1][:, None, None] + offsets
     place = u[rows, columns].reshape(-1, side**2).astype(float)
-    place = place[np.isfinite(place).mean(axis=1) >= FULL]
+    middles = (2 * (first + side / 2) / size - 1 for first, size in zip(firsts, u.shape, strict=True))
+    down, across = np.meshgrid(*middles, indexing="ij")
+    where = quadratic(across.ravel(), down.ravel())
+    full = np.isfinite(place).mean(axis=1) >= FULL
+    place, where = place[full], where[full]
     y, x = (each.ravel() for each in np.meshgrid(*2 * [np.linspace(-1, 1, side)], indexing="ij"))
     terms = quadratic(x, y)
     products = (terms[:, :, None] * terms[:, None]).reshape(len(terms), -1)
@@ -141,7 +240,7 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
         scale = np.maximum(row_median(away) / MEDIAN_OF_NORMAL, LEAST)
         weight = (away < GROSS * scale[:, None]).astype(float)
         smooth = (weight.mean(axis=1) >= FULL) & (scale < ROUGH * median_of(scale))
-        place, fitted, weight, scale = place[smooth], fitted[smooth], weight[smooth], scale[smooth]
+        place, fitted, weight, scale, where = (each[smooth] for each in (place, fitted, weight, scale, where))
     place, weight = np.nan_to_num(place), weight / np.square(scale)[:, None]
     turns = 2 * np.pi * (place + 0.5)
     dimmed = [np.prod(np.sinc(times * k / p * np.array(slopes))) for p, k in waves]  # in the means of pixels
@@ -150,7 +249,7 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
     shared = (shapes * weight[:, None]) @ terms
     explained = np.linalg.solve(_squares(weight, products), shared.transpose(0, 2, 1))
     left = (shapes - (terms @ explained).transpose(0, 2, 1)) * weight[:, None]
-    return left @ shapes.transpose(0, 2, 1), (left @ (place - fitted)[..., None])[..., 0]
+    return Windows(left @ shapes.transpose(0, 2, 1), (left @ (place - fitted)[..., None])[..., 0], where)
 
 
 def _squares(weight: Array, products: Array) -> Array:

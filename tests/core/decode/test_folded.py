@@ -12,6 +12,7 @@ from core.patterns import brightness, gray_and_phase
 
 LINES = 512
 FINE = 16  # steps a line
+HALVES = slice(None, 320), slice(320, None)
 NOISY = 0.9 * np.mgrid[:480, :640][1] + 0.1 * np.random.default_rng(0).standard_normal((480, 640))
 
 
@@ -50,12 +51,35 @@ def test_waves_of_two_periods_are_told_apart_and_taken_out() -> None:
     for (period, order), size in put.items():
         u += (size.conjugate() * np.exp(2j * np.pi * order * (truth + 0.5) / period)).real
     u = u.astype(np.float32)
-    found = {(w.period, w.order): complex(w.cosine, w.sine) for w in find_waves(u, [(32.0, 4), (36.0, 4)])}
+    found = {(w.period, w.order): complex(*w.parts[:, 0]) for w in find_waves(u, [(32.0, 4), (36.0, 4)])}
     assert found.keys() == put.keys()
     for key, size in put.items():
         assert abs(found[key] - size) < 0.01
     take_waves_out(u, [(32.0, 4), (36.0, 4)])
     assert np.std(u - truth) < 1.01 * 0.2
+
+
+def test_a_wave_of_another_size_at_every_place_is_taken_out() -> None:
+    """As large on the left as on the right, of the other sign: in the mean there is none."""
+    truth = ball(480, 640) / 2 + 200
+    across = np.linspace(-1, 1, 640)
+    wave = 0.06 * across * np.sin(3 * 2 * np.pi * (truth + 0.5) / 16 + 0.4)
+    u = (truth + wave + 0.05 * np.random.default_rng(1).standard_normal(truth.shape)).astype(np.float32)
+    take_waves_out(u, [(16.0, 3)])
+    left = np.abs([np.mean((u - truth)[:, half] * np.exp(6j * np.pi * truth[:, half] / 16)) for half in HALVES])
+    assert left.max() < 0.002
+
+
+@pytest.mark.parametrize("turns", [0.4, 0.7, 1.3, 2.5])
+def test_a_corrugation_that_drifts_off_the_fringes_stays(turns: float) -> None:
+    """It has another phase at every place, unlike what any response leaves."""
+    y, x = np.mgrid[:480, :640].astype(float)
+    plane = 20 + 0.8 * x + 0.1 * y
+    relief = 0.08 * np.sin(2 * np.pi * (3 * plane / 16 + turns * x / 640))
+    u = (plane + relief + 0.05 * np.random.default_rng(2).standard_normal(x.shape)).astype(np.float32)
+    before = u.copy()
+    take_waves_out(u, [(16.0, 3)])
+    np.testing.assert_array_equal(u, before)
 
 
 @pytest.mark.parametrize("seed", range(4))

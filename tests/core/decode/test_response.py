@@ -122,9 +122,10 @@ def test_a_response_is_found_beside_much_blur() -> None:
     assert bent < 1.3 * straight
 
 
-@pytest.mark.parametrize(("steps", "reference"), [(4, True), (8, True), (4, False)])
+@pytest.mark.parametrize(("steps", "reference"), [(3, False), (4, True), (8, True), (4, False)])
 def test_harmonics_that_uneven_blur_dims_are_no_noise(steps: int, reference: bool) -> None:
-    """Their strength beside the first was taken for constant: sigma was up to twice as large as the errors."""
+    """Their strength beside the first is no constant. Taken for one, sigma was 2.6 times too large, with three steps,
+    whose phase they bend, 1.8 times too small."""
     patterns = sequence((16.0,), steps, True, reference)
     sight = Sight(power(2.2), blur_lines=0.8, noise=0.4, uneven=2.0)
     phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
