@@ -17,6 +17,7 @@ lighting.py       how much the light changes across bright dots
 faults.py         dots that must not be measured, and why
 corners.py        corners where straight edges cross or end; crossings.py finds those of a chessboard
 ellipse.py        centres by the fit of a blurred ellipse
+steps.py          the light of a curved, blurred edge in square pixels, and how surely it is placed
 centroid.py       weighted centroid, its covariance, the image's noise
 defocus.py        blur that changes across a dot, and what it draws
 rows.py           how far whole rows of the image are shifted
