@@ -66,14 +66,24 @@ def covariance(J: Array, rest: Array, moved: Array, row: Ints) -> Array:
     `moved` (n,) is how the grey values change where an image row is shifted, as rows of video are, all pixels of a
     `row` alike. Its variance is told by the products of residuals that share a row; what is fitted is counted out.
     """
-    N = np.linalg.pinv(J.T @ J)
-    squares = rest**2 / (1 - np.minimum(np.einsum("ij,jk,ik->i", J, N, J), MOST_LEVERAGE))
-    shared = (row[:, None] == row) * np.outer(moved, moved)
-    left = np.eye(len(J)) - J @ N @ J.T
-    pairs = shared - np.diag(moved**2)
-    turned = left @ pairs @ left
-    products = float(rest @ pairs @ rest - np.diagonal(turned) @ squares)
-    shift2 = max(products / max(float(np.sum(turned * pairs)), 1e-300), 0.0)
+    N, column = np.linalg.pinv(J.T @ J), moved[:, None]
+    row = np.unique(row, return_inverse=True)[1]
+    leverage = np.einsum("ij,jk,ik->i", J, N, J)
+    squares = rest**2 / (1 - np.minimum(leverage, MOST_LEVERAGE))
+    by_row = np.zeros((row.max() + 1, J.shape[1]))  # of the slopes, as all pixels of a row are shifted
+    np.add.at(by_row, row, J * column)
+    # the matrix of pairs, moved_i moved_j of unlike pixels of a row, is never made: it is of pixels by pixels
+    paired = by_row[row] * column - J * column**2
+    among = J.T @ paired
+    taken = np.einsum("ij,jk,ik->i", J, N @ among @ N, J) - 2 * np.einsum("ij,jk,ik->i", J, N, paired)
+    apart = _pairs(row, moved**2) - 2 * np.sum(N * (paired.T @ paired)) + np.trace(N @ among @ N @ among)
+    products = _pairs(row, moved * rest) - float(taken @ squares)
+    shift2 = max(products / max(float(apart), 1e-300), 0.0)
     noise2 = max(float(np.mean(squares - shift2 * moved**2)), LEAST_NOISE * float(np.mean(squares)))
     own = squares * noise2 / np.maximum(noise2 + shift2 * moved**2, 1e-300)
-    return np.asarray(N @ (J.T @ (np.diag(own) + shift2 * shared) @ J) @ N)
+    return np.asarray(N @ ((J.T * own) @ J + shift2 * by_row.T @ by_row) @ N)
+
+
+def _pairs(row: Ints, values: Array) -> float:
+    """Sum of the products of values (n,) that share a row, without their squares."""
+    return float(np.sum(np.bincount(row, values) ** 2) - np.sum(values**2))

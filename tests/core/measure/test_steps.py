@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from core.measure import measure_feature
-from core.measure.steps import Lay, light_within
+from core.measure.steps import LEAST_NOISE, MOST_LEVERAGE, Lay, covariance, light_within
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PointCloud
 
 N, FINE, MARGIN = 30, 12, 4
@@ -55,3 +57,34 @@ def test_centres_and_radii_hold_their_sigmas(radius: float, shift_px: float) -> 
             f = measure_feature("circle", np.array([u, v, radius]), phase, cloud, CAMERA)
             off.append([*(f.uv - (u, v)) / np.sqrt(np.diagonal(f.uv_cov)), (f.size_mm[0] - radius) / f.size_mm[1]])
     assert np.all(np.abs(np.sqrt(np.mean(np.square(off), axis=0)) - 1) < 0.3), off  # 24 deviates: 1 +- 0.14
+
+
+def pixels_of_a_fit(n: int, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Slopes, residuals, part of these by which shifted rows show, and rows."""
+    rng = np.random.default_rng(5)
+    moved, row = rng.normal(0, 20, n), rng.permutation(np.arange(n) % rows) + 7
+    return rng.normal(size=(n, 6)), rng.normal(0, 0.3, n) + moved * rng.normal(0, 0.02, rows + 7)[row], moved, row
+
+
+def test_covariance_is_that_of_the_matrix_of_all_pairs() -> None:
+    J, rest, moved, row = pixels_of_a_fit(240, 30)
+    pairs = np.array([[(i != j and row[i] == row[j]) * moved[i] * moved[j] for j in range(240)] for i in range(240)])
+    taken = J @ np.linalg.solve(J.T @ J, J.T)
+    squares = rest**2 / (1 - np.minimum(np.diagonal(taken), MOST_LEVERAGE))
+    seen = (np.eye(240) - taken) @ pairs @ (np.eye(240) - taken)
+    shift2 = (rest @ pairs @ rest - np.diagonal(seen) @ squares) / np.trace(seen @ pairs)
+    noise2 = max(np.mean(squares - shift2 * moved**2), LEAST_NOISE * np.mean(squares))
+    of_grey = np.diag(squares * noise2 / (noise2 + shift2 * moved**2)) + shift2 * (pairs + np.diag(moved**2))
+    gain = np.linalg.solve(J.T @ J, J.T)
+    assert shift2 > 0
+    np.testing.assert_allclose(covariance(J, rest, moved, row), gain @ of_grey @ gain.T, rtol=1e-9)
+
+
+def test_covariance_of_a_large_edge_needs_no_matrix_of_its_pixels() -> None:
+    """One of 2500 x 2500 takes 50 MB; a hole of 500 px has 7860 pixels."""
+    made = pixels_of_a_fit(2500, 200)
+    tracemalloc.start()
+    covariance(*made)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 5e6
