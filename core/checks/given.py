@@ -91,6 +91,7 @@ def _too_sure(adjustment: Adjustment) -> Iterator[str]:
     """H0: images to which the file gives far smaller sigmas than to a device's others hold these as well as they do.
 
     An image that is overweighed bends the points to itself, and its own residuals tell little of that.
+    Where the other images do not hold theirs either, what is wrong has another cause.
     """
     network = adjustment.network
     station, count = network.observation_station, len(network.station_names)
@@ -101,7 +102,7 @@ def _too_sure(adjustment: Adjustment) -> Iterator[str]:
     for name in network.devices:
         own = np.flatnonzero((np.array(network.station_device) == name) & (redundancy > 1))
         usual, rest = (median_of(each[own]) if len(own) >= FEWEST else 0.0 for each in (sigma, factor))
-        for k in own[sigma[own] < usual / SURER]:
+        for k in own[sigma[own] < usual / SURER] if rest < DOUBTFUL_RATIO**2 else ():
             if factor[k] * redundancy[k] > max(rest, 1.0) * chi_square_limit(redundancy[k], LEVEL):
                 yield (
                     f"observations.csv: sigma_px of station {network.station_names[k]} is {sigma[k]:.2g}, of the other "

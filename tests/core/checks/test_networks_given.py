@@ -11,7 +11,7 @@ import pytest
 from core.calibrate import adjust
 from core.model import Network, NetworkScale
 from core.pipeline.judge import judge_adjustment
-from tests.core.calibrate.conftest import CAMERA, simulated_network
+from tests.core.calibrate.conftest import CAMERA, CAMERA_TRUTH, simulated_network
 
 SOUND = simulated_network(seed=3, use=("camera",), approximation_mm=1.0).network
 KNOWN_MM = 0.05
@@ -89,11 +89,32 @@ def test_rough_places_of_another_scale_are_not_accused(seed: int) -> None:
     assert told(replace(sound, point_xyz_mm=sound.point_xyz_mm * 1.04)) == ()
 
 
+def sharper(n: Network, sharp: np.ndarray) -> Network:
+    """Let all other images be blurred to four times the noise, and their sigmas say so."""
+    sigma = np.where(sharp, 1, 4)[:, None] * n.observation_sigma
+    blur = np.random.default_rng(7).normal(0, np.sqrt(sigma**2 - n.observation_sigma**2))
+    return replace(n, observation_uv=n.observation_uv + blur, observation_sigma=sigma)
+
+
 def test_images_that_are_sharper_than_others_are_not_accused() -> None:
-    sharp = SOUND.observation_station % 4 == 0
-    blurred, sigma = np.random.default_rng(7), np.where(sharp, 1, 4)[:, None] * SOUND.observation_sigma
-    uv = SOUND.observation_uv + blurred.normal(0, np.sqrt(sigma**2 - SOUND.observation_sigma**2))
-    assert told(replace(SOUND, observation_uv=uv, observation_sigma=sigma)) == ()
+    assert told(sharper(SOUND, SOUND.observation_station % 4 == 0)) == ()
+
+
+def test_what_all_images_fail_to_hold_does_not_accuse_the_sigmas_of_a_sharp_one() -> None:
+    """The principal point is held at a wrong place."""
+    found = simulated_network(
+        seed=8,
+        use=("camera",),
+        approximation_mm=1.0,
+        rows=3,
+        cols=4,
+        scale=False,
+        estimate=("c",),
+        camera_truth=replace(CAMERA_TRUTH, a=(0.0,) * 6),
+    ).network
+    verdict = judge_adjustment(adjust(sharper(found, np.isin(found.observation_station, (1, 2))))).verdict
+    assert verdict.state == "failed"
+    assert not any("sigma_px of station" in text for text in verdict.because)
 
 
 def test_columns_alone_are_held_against_the_image_without_a_warning() -> None:
