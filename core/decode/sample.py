@@ -37,6 +37,7 @@ CLEAR = 1.0  # standard deviations above 0 from which no more than a sixth of th
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit; also
 # part of its squares that harmonics explain: sigma is 8 % too large by as much
+CHANCE = 2.0  # standard deviations of noise of bent waves beyond which there is misfit
 OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
 USUAL = 0.6  # part of the usual contrast that a code alone must have
@@ -150,7 +151,7 @@ def measure_noise(
             residual, level = residual[:, whole], level[:, whole]
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)
-            return _without_misfit(crude, found, images, saturation, bent, step)
+            return _without_misfit(crude, residual.size, found, images, saturation, bent, step)
         return estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)
     if lines:
         return _sweep_noise(lines[0], sample, saturation, images)
@@ -222,9 +223,16 @@ def _with_more_bright(
 
 
 def _without_misfit(
-    whole: Noise, found: Array, images: Sequence[Image], saturation: float, bent: Sequence[Wave], step: float
+    whole: Noise,
+    number: int,
+    found: Array,
+    images: Sequence[Image],
+    saturation: float,
+    bent: Sequence[Wave],
+    step: float,
 ) -> Noise:
-    """Noise from the second differences of the contrasts along some rows; what they show besides is misfit."""
+    """Noise from the second differences of the contrasts along some rows; what so many residuals, which made `whole`,
+    show besides is misfit."""
     height, width = images[0].shape
     number = min(32, max(4, FEW_ROWS // width)) if bent else 32
     rows = slice(height // (2 * number), None, max(1, height // number))
@@ -250,8 +258,10 @@ def _without_misfit(
         light = float(np.mean(np.square(np.ptp(g, axis=0)))) / 4
         level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
     noise = estimate_noise(residual[:, good].ravel(), level[:, good].ravel(), step)
-    beyond = float(np.mean(whole.variance(level) - noise.variance(level))) / max(light, 1.0)
-    return noise._replace(misfit=max(beyond, 0.0), unlit=whole.unlit) if beyond > 0 or bent else whole
+    beyond = float(np.mean(whole.variance(level) - noise.variance(level)))
+    by_chance = CHANCE * float(np.mean(noise.variance(level))) * np.sqrt(2 / number) if bent else 0.0
+    misfit = beyond / max(light, 1.0) if beyond > by_chance else 0.0
+    return noise._replace(misfit=misfit, unlit=whole.unlit) if beyond > 0 or bent else whole
 
 
 def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
