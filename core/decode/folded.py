@@ -126,9 +126,9 @@ def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
     for n, wave in enumerate(waves):
         columns = _uneven(n, columns, told) if wave in periods else columns
     found = np.array([_in_phase(parts, told.terms) for parts in _parts(columns, told)])
-    size = np.hypot(*np.moveaxis(found @ told.terms.T, 1, 0))  # (waves, windows)
-    usual, most = np.sqrt(np.mean(np.square(size), axis=1)), size.max(axis=1)
-    return [Wave(*waves[n], found[n]) for n in range(len(waves)) if usual[n] > LEAST and most[n] < MOST * waves[n][0]]
+    square = np.sum(np.square(found @ told.terms.T), axis=1)  # (waves, windows)
+    size = np.sqrt(np.mean(square, axis=1))
+    return [Wave(*waves[n], found[n]) for n in range(len(waves)) if LEAST < size[n] < MOST * waves[n][0]]
 
 
 def _even(columns: list[Column], told: Windows) -> list[Column]:

@@ -132,6 +132,13 @@ def test_harmonics_that_uneven_blur_dims_are_no_noise(steps: int, reference: boo
     assert 0.93 < np.sqrt(np.nanmean(((phase.u - sight.u) / phase.sigma_u) ** 2)) < 1.1
 
 
+def test_three_steps_lose_strong_harmonics_where_blur_leaves_them() -> None:
+    """Of a quarter of a line at the right, none at the left."""
+    patterns, sight = sequence((16.0,), 3, True, True), Sight(power(2.2), uneven=3.0)
+    phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+    assert 0.9 < np.sqrt(np.nanmean(((phase.u - sight.u) / phase.sigma_u) ** 2)) < 1.2
+
+
 @pytest.mark.parametrize("blur", [5.0, 11.0])
 def test_bits_that_blur_leaves_no_levels_are_no_response(blur: float) -> None:
     """Sigma was 4.5 times too small where blurred bits stood for off and on."""
