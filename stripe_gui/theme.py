@@ -2,73 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from string import Template
 
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
-from core.lazy import dataclass
 from core.resources import resource
 
 
-@dataclass(frozen=True)
+class Colour:
+    """A colour of a theme, in light and in dark."""
+
+    def __init__(self, *shades: str) -> None:
+        self._shades = shades
+
+    def __get__(self, theme: Theme, _owner: type) -> str:
+        return self._shades[theme.name == "dark"]
+
+
 class Theme:
     """The colours of one appearance. Every meaning they carry is also told by a word or a sign."""
 
-    name: str
-    window: str
-    surface: str
-    sunken: str
-    hover: str
-    border: str
-    text: str
-    muted: str
-    faint: str
-    accent: str
-    accent_hover: str
-    accent_text: str
-    selection: str
-    ok: str
-    warning: str
-    danger: str
-    ok_fill: str
-    warning_fill: str
-    danger_fill: str
-    info_fill: str
-    canvas: str
-    mark: str
-    mark_other: str
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    window = Colour("#f4f6f8", "#15191e")
+    surface = Colour("#ffffff", "#1d2329")
+    sunken = Colour("#e9edf1", "#11151a")
+    hover = Colour("#e3e9ef", "#2a323b")
+    border = Colour("#d3dae2", "#343e48")
+    text = Colour("#1b2128", "#e7ebef")
+    muted = Colour("#56616d", "#a3afbb")
+    faint = Colour("#98a3ae", "#66727e")
+    accent = Colour("#0b63b6", "#58a6f0")
+    accent_hover = Colour("#0a559c", "#7bbaf5")
+    accent_text = Colour("#ffffff", "#0c141c")
+    selection = Colour("#cfe3f7", "#234d75")
+    ok = Colour("#1a7f37", "#5fc47a")
+    warning = Colour("#8a5a00", "#e0ad4b")
+    danger = Colour("#b42318", "#f5857a")
+    ok_fill = Colour("#e5f5e9", "#183222")
+    warning_fill = Colour("#fdf3dc", "#362b14")
+    danger_fill = Colour("#fdeae8", "#3d201e")
+    info_fill = Colour("#e4f0fb", "#172c42")
+    canvas = Colour("#dfe4e9", "#0b0e11")
+    mark = Colour("#0b63b6", "#6cb6ff")
+    mark_other = Colour("#b35900", "#f0a04b")
 
 
-_COLOURS = {  # light, dark
-    "window": ("#f4f6f8", "#15191e"),
-    "surface": ("#ffffff", "#1d2329"),
-    "sunken": ("#e9edf1", "#11151a"),
-    "hover": ("#e3e9ef", "#2a323b"),
-    "border": ("#d3dae2", "#343e48"),
-    "text": ("#1b2128", "#e7ebef"),
-    "muted": ("#56616d", "#a3afbb"),
-    "faint": ("#98a3ae", "#66727e"),
-    "accent": ("#0b63b6", "#58a6f0"),
-    "accent_hover": ("#0a559c", "#7bbaf5"),
-    "accent_text": ("#ffffff", "#0c141c"),
-    "selection": ("#cfe3f7", "#234d75"),
-    "ok": ("#1a7f37", "#5fc47a"),
-    "warning": ("#8a5a00", "#e0ad4b"),
-    "danger": ("#b42318", "#f5857a"),
-    "ok_fill": ("#e5f5e9", "#183222"),
-    "warning_fill": ("#fdf3dc", "#362b14"),
-    "danger_fill": ("#fdeae8", "#3d201e"),
-    "info_fill": ("#e4f0fb", "#172c42"),
-    "canvas": ("#dfe4e9", "#0b0e11"),
-    "mark": ("#0b63b6", "#6cb6ff"),
-    "mark_other": ("#b35900", "#f0a04b"),
-}
-LIGHT, DARK = (
-    Theme(name, **{key: pair[i] for key, pair in _COLOURS.items()}) for i, name in enumerate(("light", "dark"))
-)
+LIGHT, DARK = Theme("light"), Theme("dark")
 
 
 def current() -> Theme:
@@ -96,32 +79,21 @@ def apply(app: QApplication, theme: Theme) -> None:
 def palette(theme: Theme) -> QPalette:
     """Give the palette for Qt's Fusion style."""
     roles = QPalette.ColorRole
-    colours = {
-        roles.Window: theme.window,
-        roles.WindowText: theme.text,
-        roles.Base: theme.surface,
-        roles.AlternateBase: theme.window,
-        roles.Text: theme.text,
-        roles.PlaceholderText: theme.muted,
-        roles.Button: theme.surface,
-        roles.ButtonText: theme.text,
-        roles.BrightText: theme.danger,
-        roles.ToolTipBase: theme.surface,
-        roles.ToolTipText: theme.text,
-        roles.Highlight: theme.selection,
-        roles.HighlightedText: theme.text,
-        roles.Link: theme.accent,
-        roles.LinkVisited: theme.accent,
-        roles.Light: theme.surface,
-        roles.Midlight: theme.hover,
-        roles.Mid: theme.border,
-        roles.Dark: theme.faint,
-        roles.Shadow: theme.border,
-        roles.Accent: theme.accent,
-    }
     result = QPalette()
-    for role, colour in colours.items():
-        result.setColor(role, QColor(colour))
+    for colour, painted in (
+        (theme.window, (roles.Window, roles.AlternateBase)),
+        (theme.surface, (roles.Base, roles.Button, roles.ToolTipBase, roles.Light)),
+        (theme.text, (roles.WindowText, roles.Text, roles.ButtonText, roles.ToolTipText, roles.HighlightedText)),
+        (theme.muted, (roles.PlaceholderText,)),
+        (theme.danger, (roles.BrightText,)),
+        (theme.selection, (roles.Highlight,)),
+        (theme.accent, (roles.Link, roles.LinkVisited, roles.Accent)),
+        (theme.hover, (roles.Midlight,)),
+        (theme.border, (roles.Mid, roles.Shadow)),
+        (theme.faint, (roles.Dark,)),
+    ):
+        for role in painted:
+            result.setColor(role, QColor(colour))
     for role in (roles.WindowText, roles.Text, roles.ButtonText, roles.HighlightedText):
         result.setColor(QPalette.ColorGroup.Disabled, role, QColor(theme.faint))
     return result
@@ -135,7 +107,8 @@ def style_sheet(theme: Theme) -> str:
         key: styles.joinpath(f"{key.replace('_', '-')}-{theme.name}.svg") for key in ("chevron", "chevron_up", "check")
     }
     places = {key: str(file).replace("\\", "/") for key, file in files_of.items()}
-    return Template(text).substitute(asdict(theme) | places)
+    colours = {name: getattr(theme, name) for name, kind in vars(Theme).items() if isinstance(kind, Colour)}
+    return Template(text).substitute(colours | places)
 
 
 class Themed(QWidget):
