@@ -7,10 +7,10 @@ from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QComboBox, QPushButton, QTabWidget, QWidget
+from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 
 from stripe_gui.session import Session
-from stripe_gui.widgets.layout import MARGIN, SPACE, action_button, button, column, label, row, tab_name
+from stripe_gui.widgets.layout import MARGIN, SPACE, action_button, button, column, label, row
 from stripe_gui.workbench import Workbench
 
 
@@ -109,14 +109,7 @@ class Page(QWidget):
 
     def parts(self) -> Iterator[str]:
         """Bring each part of the page to the front, one after the other, and name it: for pictures of everything."""
-        tabs = self.findChild(QTabWidget)
-        if tabs is None or tabs.isHidden():
-            yield ""
-            return
-        for i in range(tabs.count()):
-            tabs.setCurrentIndex(i)
-            yield f"-{tab_name(tabs, i)}"
-        tabs.setCurrentIndex(0)
+        yield ""
 
     def refresh(self) -> None:
         """Show the project as it is now."""

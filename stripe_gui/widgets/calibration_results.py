@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtWidgets import QGridLayout, QTabWidget, QWidget
+from PySide6.QtWidgets import QGridLayout, QWidget
 
 from core.report.adjusted import Coverage, correlations, coverage, point_sigmas
 from stripe_gui import theme
 from stripe_gui.presenters.calibrate import CalibrationView
-from stripe_gui.presenters.decode import round_up
 from stripe_gui.presenters.folder import version
+from stripe_gui.presenters.maps import round_up
 from stripe_gui.presenters.status import device_name
 from stripe_gui.presenters.told import sentence
 from stripe_gui.presenters.volumes import uncertainty_view
 from stripe_gui.widgets.correlation_view import CorrelationView
 from stripe_gui.widgets.image_view import ImageView
-from stripe_gui.widgets.layout import boxed, card, column, emptied, label, make, row, scrolled, tab_name
+from stripe_gui.widgets.layout import boxed, card, column, emptied, label, row, scrolled, tabbed
 from stripe_gui.widgets.point_map import PointMap
 from stripe_gui.widgets.residual_view import ResidualView
 from stripe_gui.widgets.result_table import ResultTable
@@ -95,9 +94,7 @@ class CalibrationResults(QWidget):
         self.points = PointMap()
         self.volume = VolumeMaps(bench, self.tr("Uncertainty over the working volume"))
         self.studies = NextPose(bench), CrossValidation(bench)
-        self.tabs = make(QTabWidget, accessibleName=self.tr("Results of the calibration"), documentMode=True)
-        self.tabs.tabBar().setDrawBase(False)
-        for name, title, widget in (
+        self.tabs = tabbed(
             ("tables", self.tr("Tables"), scrolled(boxed(self._tables))),
             ("residuals", self.tr("Residuals"), self.residuals),
             ("coverage", self.tr("Coverage"), self.coverage),
@@ -106,9 +103,9 @@ class CalibrationResults(QWidget):
             ("volume", self.tr("Working volume"), self.volume),
             ("captures", self.tr("Captures"), scrolled(boxed(column(*self.studies, None, margins=(0, 12, 12, 12))))),
             ("warnings", self.tr("Warnings"), scrolled(boxed(self._warnings))),
-        ):
-            widget.setObjectName(name)
-            self.tabs.addTab(widget, title)
+            accessibleName=self.tr("Results of the calibration"),
+        )
+        self.tabs.tabBar().setDrawBase(False)
         self.tabs.currentChanged.connect(self._fill)
         self.setLayout(column(self.verdicts, row((self.made, 1), (self.warned, 1)), (self.tabs, 1), spacing=10))
 
@@ -128,13 +125,6 @@ class CalibrationResults(QWidget):
         for i in range(1, self.tabs.count() - 1):
             self.tabs.setTabEnabled(i, view.adjustment is not None)
         self._fill()
-
-    def parts(self) -> Iterator[str]:
-        for i in range(self.tabs.count()):
-            if self.tabs.isTabEnabled(i):
-                self.tabs.setCurrentIndex(i)
-                yield f"-{tab_name(self.tabs, i)}"
-        self.tabs.setCurrentIndex(0)
 
     def _fill(self) -> None:
         """Show what the tab in front has not shown yet."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QCoreApplication, QSignalBlocker, QSize, Qt
@@ -159,10 +159,28 @@ def emptied(layout: QLayout, *, keep: int = 0) -> None:
             widget.deleteLater()
 
 
+def tabbed(*entries: tuple[str, str, QWidget], **properties: Any) -> QTabWidget:
+    """Give tabs, of each a name for the program, its title, and what it shows."""
+    tabs = make(QTabWidget, documentMode=True, **properties)
+    for name, title, widget in entries:
+        widget.setObjectName(name)
+        tabs.addTab(widget, title)
+    return tabs
+
+
 def tab_name(tabs: QTabWidget, index: int) -> str:
     """Give the name, for the program, of what a tab shows."""
     widget = tabs.widget(index)
     return widget.objectName() if widget is not None else ""
+
+
+def tab_parts(tabs: QTabWidget) -> Iterator[str]:
+    """Bring each tab to the front that can be, name it, and go back to the first: for pictures of everything."""
+    for i in range(tabs.count()):
+        if tabs.isTabEnabled(i):
+            tabs.setCurrentIndex(i)
+            yield f"-{tab_name(tabs, i)}"
+    tabs.setCurrentIndex(0)
 
 
 def choice(name: str, changed: Callable[[], object] | None, *entries: tuple[str, Any], **properties: Any) -> QComboBox:

@@ -12,7 +12,7 @@ from core.report import Number, Table
 from core.report.adjusted import PointSigmas
 from core.report.table import Cell
 from stripe_gui import theme
-from stripe_gui.presenters.decode import percentile, round_up
+from stripe_gui.presenters.maps import percentile, round_up
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.colours import lookup
 from stripe_gui.widgets.image_view import Canvas

@@ -27,7 +27,7 @@ from stripe_gui.presenters.told import told
 from stripe_gui.presenters.work import CalibrateChoice, chosen_methods
 from stripe_gui.widgets.calibrate_form import CalibrateForm
 from stripe_gui.widgets.calibration_results import CalibrationResults
-from stripe_gui.widgets.layout import boxed, button, card, column, label, row, scrolled
+from stripe_gui.widgets.layout import boxed, button, card, column, label, row, scrolled, tab_parts
 from stripe_gui.workbench import Workbench
 
 ROOM_FOR_TWO = 1000  # the two halves of the first step stand side by side from this width on
@@ -246,6 +246,6 @@ class CalibratePage(PartsPage):
     def inner_parts(self, part: Part) -> Iterator[str]:
         """Bring the tabs of results and runs to the front."""
         if part.name == "results" and not self.results.isHidden():
-            yield from self.results.parts()
+            yield from tab_parts(self.results.tabs)
         else:
             yield from self.runs.parts() if part.name == "runs" else ("",)

@@ -6,12 +6,24 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLineEdit, QTabWidget, QWidget
+from PySide6.QtWidgets import QLineEdit, QWidget
 
 from core.pipeline import Run, current_runs, delete_run, list_runs, make_current, rename_run
 from stripe_gui.presenters.runs import comparison_table, run_title, runs_table
 from stripe_gui.presenters.volumes import difference_view
-from stripe_gui.widgets.layout import boxed, button, choice, column, label, make, refill, row, splitter, tab_name
+from stripe_gui.widgets.layout import (
+    boxed,
+    button,
+    choice,
+    column,
+    label,
+    make,
+    refill,
+    row,
+    splitter,
+    tab_parts,
+    tabbed,
+)
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 from stripe_gui.widgets.volume_maps import VolumeMaps
 from stripe_gui.workbench import Workbench
@@ -40,14 +52,12 @@ class RunsPart(QWidget):
         self.second = choice(self.tr("Run to compare"), self._compare, minimumWidth=170)
         self.comparison = ResultTable(self.tr("Comparison of two runs"), titled=False)
         self.volume = VolumeMaps(bench, self.tr("Difference of two runs over the working volume"))
-        self.tabs = make(QTabWidget, accessibleName=self.tr("Comparison of two runs"), documentMode=True)
-        self.tabs.tabBar().setDrawBase(False)
-        for name, title, widget in (
+        self.tabs = tabbed(
             ("parameters", self.tr("Parameters"), self.comparison),
             ("volume", self.tr("Working volume"), self.volume),
-        ):
-            widget.setObjectName(name)
-            self.tabs.addTab(widget, title)
+            accessibleName=self.tr("Comparison of two runs"),
+        )
+        self.tabs.tabBar().setDrawBase(False)
         self.tabs.currentChanged.connect(self._compare)
         self.nothing = label("", "muted", wrap=True)
         self.nothing.setAlignment(Qt.AlignmentFlag.AlignTop)
@@ -137,10 +147,4 @@ class RunsPart(QWidget):
 
     def parts(self) -> Iterator[str]:
         """Bring what is compared to the front, one after the other, and name it."""
-        if self.tabs.isHidden():
-            yield ""
-            return
-        for i in range(self.tabs.count()):
-            self.tabs.setCurrentIndex(i)
-            yield f"-{tab_name(self.tabs, i)}"
-        self.tabs.setCurrentIndex(0)
+        yield from ("",) if self.tabs.isHidden() else tab_parts(self.tabs)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QListWidget, QListWidgetItem, QTabWidget, QWidget
+from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
 
 from stripe_gui.assets import icon
 from stripe_gui.pages.measure.model import Picking
 from stripe_gui.pages.measure.view import PickingView, state_text
 from stripe_gui.widgets.field_map import FieldMap, MapState
-from stripe_gui.widgets.layout import boxed, column, make
+from stripe_gui.widgets.layout import boxed, column, make, tabbed
 from stripe_gui.widgets.loupe import Loupe
 from stripe_gui.widgets.result_table import EMPTY, ResultTable
 
@@ -33,13 +33,10 @@ class SidePanel(QWidget):
         self.map, self.loupe = FieldMap(), Loupe()
         self.images = make(QListWidget, accessibleName=self.tr("Images"), iconSize=QSize(18, 18))
         self.targets = ResultTable(self.tr("Targets of this image"), titled=False)
-        self.tabs = make(QTabWidget, documentMode=True)
-        for widget, name, title in (
-            (boxed(column(self.images)), "images", self.tr("Images")),
-            (boxed(column(self.targets)), "targets", self.tr("Targets")),
-        ):
-            widget.setObjectName(name)
-            self.tabs.addTab(widget, title)
+        self.tabs = tabbed(
+            ("images", self.tr("Images"), boxed(column(self.images))),
+            ("targets", self.tr("Targets"), boxed(column(self.targets))),
+        )
         self.setLayout(column(self.map, self.loupe, (self.tabs, 1), spacing=8))
         self._shown: PickingView | None = None
         self.map.chosen.connect(self.target_chosen)
