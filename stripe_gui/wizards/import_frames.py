@@ -12,6 +12,7 @@ from core.capture.importing import ImportReport
 from core.pipeline.sequences import import_into
 from stripe_gui.jobs import Failure, Job
 from stripe_gui.presenters.failures import describe
+from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.importing import FrameFolder, look_in, order_choices, report_lines
 from stripe_gui.presenters.sequences import Shown
 from stripe_gui.presenters.told import sentence
@@ -108,7 +109,6 @@ class ImportWizard(Wizard):
             self.tr("Make a capture of images that another program has taken."),
             last=self.tr("Done"),
         )
-        self._path = ""
         self.frames, self.subject, self.importing = FramesStep(bench), SubjectForm(), ImportStep()
         self.sequence = SequenceForm(bench, self.tr("As the folder says, else the project's"))
         which = self.tr("Which image shows which pattern")
@@ -125,26 +125,16 @@ class ImportWizard(Wizard):
             step.changed.connect(self.update_steps)
         self.importing.start_button.clicked.connect(self.run)
 
-    def refresh(self) -> None:
-        folder = self.session.folder
-        if folder is None:
-            return
-        if str(folder.path) == self._path:
-            self.frames.look()  # perhaps by another camera
-            return
-        self._path = str(folder.path)
+    def begin(self, folder: ProjectFolder) -> None:
         self.importing.report = None
         self.subject.name.clear()
         self.subject.offer(folder.project)
         self.frames.folder.clear()
         self.frames.look()
         self.sequence.show_spec(None)
-        self.start()
 
-    def leave(self) -> None:
-        """Close the wizard; the next time it begins at its first step."""
-        self._path = ""
-        super().leave()
+    def look_again(self) -> None:
+        self.frames.look()  # perhaps by another camera
 
     def run(self) -> None:
         folder, step = self.session.folder, self.importing

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeySequence, QShortcut
 
@@ -9,12 +12,15 @@ from stripe_gui.pages.parts_page import PartsPage
 from stripe_gui.widgets.layout import boxed, button, label, row
 from stripe_gui.workbench import Workbench
 
+if TYPE_CHECKING:
+    from stripe_gui.presenters.folder import ProjectFolder
+
 
 class Wizard(PartsPage):
     """A page of steps, one after the other.
 
     A subclass adds its steps in the constructor, calls `update_steps` whenever an answer has changed, and does its work
-    in `finish`, which the last step's button calls.
+    in `finish`, which the last step's button calls. One about the open project asks it in `begin`.
     """
 
     numbered = True
@@ -22,6 +28,7 @@ class Wizard(PartsPage):
     def __init__(self, bench: Workbench, title: str, purpose: str, *, last: str) -> None:
         super().__init__(bench, title, purpose)
         self._last = last
+        self._begun: Path | None = None  # with which project
         self._why = label("", "muted", wrap=True)
         self._why.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.close_button = button(self.tr("Close"), self.leave, "close", flat=True)
@@ -32,6 +39,24 @@ class Wizard(PartsPage):
         for keys, slot in (("Alt+Left", self.back), ("Alt+Right", self.next)):
             QShortcut(QKeySequence(keys), self).activated.connect(slot)
         self.body.addWidget(boxed(row(self.close_button, (self._why, 1), self.back_button, self.next_button)))
+
+    def refresh(self) -> None:
+        """Begin where the wizard was left, or with another project."""
+        folder = self.session.folder
+        if folder is None:
+            return
+        if folder.path == self._begun:
+            self.look_again()
+            return
+        self._begun = folder.path
+        self.begin(folder)
+        self.start()
+
+    def begin(self, folder: ProjectFolder) -> None:
+        """Ask anew, about a project."""
+
+    def look_again(self) -> None:
+        """Show what may have changed of the project meanwhile."""
 
     def back(self) -> None:
         if self._stack.currentIndex() > 0:
@@ -50,7 +75,8 @@ class Wizard(PartsPage):
         self.leave()
 
     def leave(self) -> None:
-        """Close the wizard: back to the page of its stage, or to the start page."""
+        """Close the wizard: back to the page of its stage, or to the start page; it begins anew the next time."""
+        self._begun = None
         self.bench.show_page(self.stage if self.session.is_open and self.stage else "start")
 
     def update_steps(self) -> None:

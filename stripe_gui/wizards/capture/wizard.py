@@ -13,6 +13,7 @@ from core.pipeline.capture import virtual_rig
 from core.project import choose_sequence
 from stripe_gui.jobs import JobQueue
 from stripe_gui.presenters.capturing import scene_for
+from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.looking import Rig
 from stripe_gui.screens import Screens
 from stripe_gui.widgets.layout import boxed, column, label, scrolled
@@ -44,7 +45,6 @@ class CaptureWizard(Wizard):
         offer_screens(Screens().open)  # any screen may serve as a projector
         self.rig = Rig()
         self._closing = JobQueue(self)  # of its own: what the next page looks at would take its place
-        self._path = ""
         self.devices = DevicesStep(bench, self.rig)
         self.subject = SubjectStep(bench)
         self.sequence = SequenceForm(bench, self.tr("The projector's own"))
@@ -69,24 +69,19 @@ class CaptureWizard(Wizard):
         self.taking.another_wanted.connect(self.another)
         self.taking.stored.connect(self.subject.pose_taken)
 
-    def refresh(self) -> None:
-        folder = self.session.folder
-        if folder is None or str(folder.path) == self._path:
-            return
-        self._path = str(folder.path)
+    def begin(self, folder: ProjectFolder) -> None:
         try:
             virtual = virtual_rig(folder.project)
         except StripeError:
             virtual = ""
         kept = self.bench.settings.text(RIG).split("\n")
-        urls = (kept[1], kept[2]) if len(kept) == 3 and kept[0] == self._path else (virtual, virtual)
+        urls = (kept[1], kept[2]) if len(kept) == 3 and kept[0] == str(folder.path) else (virtual, virtual)
         self.subject.name.clear()
         self.subject.offer(folder.project)
         self.sequence.show_spec(folder.project.sequence)
         self.devices.offer(folder.project, virtual, urls)
         self.checks.clear()
         self._choose_scene()
-        self.start()
 
     def another(self) -> None:
         """Go on to the next pose: the next free name, the picture first."""
@@ -98,11 +93,6 @@ class CaptureWizard(Wizard):
         self._choose_scene()
         self.go_to("picture")
 
-    def leave(self) -> None:
-        """Close the wizard; the next time it begins at its first step."""
-        self._path = ""
-        super().leave()
-
     def hideEvent(self, event: QHideEvent) -> None:  # noqa: N802
         """Let the devices go; work under way has opened them for itself."""
         super().hideEvent(event)
@@ -111,7 +101,7 @@ class CaptureWizard(Wizard):
 
     def _enter_subject(self) -> None:
         if self.devices.connection is not None:
-            self.bench.settings.set(RIG, "\n".join((self._path, *self.devices.urls)))
+            self.bench.settings.set(RIG, "\n".join((str(self._begun), *self.devices.urls)))
         self.subject.offer_pose()
 
     def _enter_sequence(self) -> None:
