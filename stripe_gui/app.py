@@ -12,8 +12,8 @@ from PySide6.QtCore import QLibraryInfo, QLocale, QObject, QSocketNotifier, Qt, 
 from PySide6.QtGui import QFont, QFontDatabase, QIcon
 from PySide6.QtWidgets import QApplication
 
+from core.resources import resource
 from stripe_gui import theme
-from stripe_gui.assets import asset
 from stripe_gui.main_window import MainWindow
 from stripe_gui.presenters.told import speak
 from stripe_gui.workbench import Workbench
@@ -30,10 +30,10 @@ def make_application() -> QApplication:
     app.setOrganizationName("stripe-workbench")
     app.setDesktopFileName("org.stripe_workbench.StripeWorkbench")
     app.setStyle("Fusion")
-    app.setWindowIcon(QIcon(str(asset("icons", "program.svg"))))
+    app.setWindowIcon(QIcon(str(resource("icons", "program.svg"))))
     families: list[str] = []
     for file in ("DejaVuSans.ttf", "DejaVuSans-Bold.ttf"):
-        number = QFontDatabase.addApplicationFont(str(asset("fonts", file)))
+        number = QFontDatabase.addApplicationFont(str(resource("fonts", file)))
         families += QFontDatabase.applicationFontFamilies(number)
     font = QFont(families[:1] or ["sans-serif"])
     font.setPointSizeF(FONT_PT)
@@ -83,7 +83,7 @@ class Program(QObject):
             self.app.removeTranslator(translator)
         self._translators = []
         places = [
-            ("stripe", str(asset("translations"))),
+            ("stripe", str(resource("translations"))),
             ("qtbase", QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)),
         ]
         for name, folder in places if language != "en" else ():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QIconEngine, QPainter, QPixmap
@@ -13,14 +12,9 @@ from core.resources import resource
 from stripe_gui import theme
 
 
-def asset(*parts: str) -> Path:
-    """Where a file of `resources` lies."""
-    return resource(*parts)
-
-
 @cache
 def _drawing(name: str, colour: str) -> QSvgRenderer:
-    text = asset("icons", f"{name}.svg").read_text(encoding="utf-8").replace("currentColor", colour)
+    text = resource("icons", f"{name}.svg").read_text(encoding="utf-8").replace("currentColor", colour)
     return QSvgRenderer(QByteArray(text.encode()))
 
 

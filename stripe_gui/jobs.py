@@ -140,14 +140,10 @@ class JobQueue(QObject):
         super().__init__(parent)
         self._latest_only = latest_only
         self._waiting: deque[Job] = deque()
-        self._running: Job | None = None
+        self.running: Job | None = None
         self._timer = QTimer(self)
         self._timer.setInterval(POLL_MS)
         self._timer.timeout.connect(self._poll)
-
-    @property
-    def running(self) -> Job | None:
-        return self._running
 
     @property
     def waiting(self) -> tuple[Job, ...]:
@@ -155,7 +151,7 @@ class JobQueue(QObject):
 
     @property
     def busy(self) -> bool:
-        return self._running is not None or bool(self._waiting)
+        return self.running is not None or bool(self._waiting)
 
     def run(
         self,
@@ -190,7 +186,7 @@ class JobQueue(QObject):
         self.changed.emit()
 
     def _all(self) -> list[Job]:
-        return [*self._waiting, *([] if self._running is None else [self._running])]
+        return [*self._waiting, *([] if self.running is None else [self.running])]
 
     def _cancel(self, jobs: list[Job]) -> None:
         for job in jobs:
@@ -205,25 +201,25 @@ class JobQueue(QObject):
         """Stop everything and wait a moment for the worker; say whether it ended."""
         self.cancel_all()
         self._timer.stop()
-        running, self._running = self._running, None
+        running, self.running = self.running, None
         if running is None or running._thread is None:
             return True
         running._thread.join(WAIT_AT_END_S)
         return not running._thread.is_alive()
 
     def _poll(self) -> None:
-        job = self._running
+        job = self.running
         if job is not None:
             before = (job.fraction, job.message)
             if job._look():
-                self._running = None
+                self.running = None
                 job._end(wanted=not (self._latest_only and job.stopping))
                 self.changed.emit()
             elif before != (job.fraction, job.message):
                 self.changed.emit()
-        if self._running is None and self._waiting:
-            self._running = self._waiting.popleft()
-            self._running._start()
+        if self.running is None and self._waiting:
+            self.running = self._waiting.popleft()
+            self.running._start()
             self.changed.emit()
         if not self.busy:
             self._timer.stop()

@@ -8,8 +8,8 @@ from PySide6.QtCore import QCoreApplication, QEvent, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
+from core.resources import resource
 from stripe_gui.actions import Action, ActionSet
-from stripe_gui.assets import asset
 from stripe_gui.commands import menu_titles, program_actions
 from stripe_gui.pages import PAGES, make_page
 from stripe_gui.pages.page import Page
@@ -263,7 +263,7 @@ class MainWindow(QMainWindow):
 
     def _place_help(self) -> None:
         """Show the help if it is wanted and has room; in a narrow window it comes when it is asked for."""
-        wanted = self.bench.settings.flag("help", True) and asset("help").is_dir()
+        wanted = self.bench.settings.flag("help", True) and resource("help").is_dir()
         self._has_room = self.width() >= ROOM_FOR_HELP
         self.help.setVisible(wanted and self._has_room)
         if not self.help.isHidden():

@@ -31,32 +31,23 @@ class Session(QObject):
     def __init__(self, settings: Settings, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.settings = settings
-        self._folder: ProjectFolder | None = None
-        self._capture = ""
+        self.folder: ProjectFolder | None = None
+        self.capture_name = ""  # of the capture the operator looks at; empty without captures
         self._pair = ("", "")
         self._target: tuple[int, int] | None = None
         self.line: Line | None = None  # of the profiles; None: across the middle
-        self._statuses: dict[str, StageStatus] = {}
-
-    @property
-    def folder(self) -> ProjectFolder | None:
-        return self._folder
+        self.statuses: dict[str, StageStatus] = {}  # of every stage as of the last refresh; empty without a project
 
     @property
     def opened(self) -> ProjectFolder:
         """The same, where it is known that a project is open."""
-        if self._folder is None:
+        if self.folder is None:
             raise RuntimeError("no project is open")
-        return self._folder
+        return self.folder
 
     @property
     def is_open(self) -> bool:
-        return self._folder is not None
-
-    @property
-    def statuses(self) -> dict[str, StageStatus]:
-        """State of every stage as of the last refresh; empty without a project."""
-        return self._statuses
+        return self.folder is not None
 
     def open(self, path: Path) -> None:
         """Open the project in a folder (or of its project.json).
@@ -76,45 +67,40 @@ class Session(QObject):
 
     def adopt(self, folder: ProjectFolder, statuses: dict[str, StageStatus]) -> None:
         """Open a project that was looked at."""
-        self._folder, self._statuses, self.line = folder, statuses, None
+        self.folder, self.statuses, self.line = folder, statuses, None
         names = [c.name for c in folder.project.captures]
-        self._capture = names[0] if names else ""
+        self.capture_name = names[0] if names else ""
         self.settings.add_recent(folder.path)
         self.project_changed.emit()
 
     def close(self) -> None:
         """Close the project; nothing needs saving, every step was."""
-        if self._folder is not None:
-            self._folder, self._statuses, self._capture = None, {}, ""
+        if self.folder is not None:
+            self.folder, self.statuses, self.capture_name = None, {}, ""
             self.project_changed.emit()
 
     def refresh(self) -> None:
         """Look at the folder again; InputError if project.json cannot be used any more: the project is closed then."""
-        if self._folder is None:
+        if self.folder is None:
             return
         from stripe_gui.presenters.status import stage_statuses
 
         try:
-            statuses = stage_statuses(self._folder)
+            statuses = stage_statuses(self.folder)
         except InputError:
             self.close()
             raise
-        self.take_statuses(self._folder, statuses)
+        self.take_statuses(self.folder, statuses)
 
     def take_statuses(self, folder: ProjectFolder, statuses: dict[str, StageStatus]) -> None:
         """Show the open project as it was found."""
-        if folder is not self._folder:
+        if folder is not self.folder:
             return
-        self._statuses = statuses
+        self.statuses = statuses
         names = [c.name for c in folder.project.captures]
-        if self._capture not in names:
+        if self.capture_name not in names:
             self.choose_capture(names[0] if names else "")
         self.refreshed.emit()
-
-    @property
-    def capture_name(self) -> str:
-        """The capture the operator looks at; empty without captures."""
-        return self._capture
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -135,12 +121,12 @@ class Session(QObject):
         """Look at the frames of another camera, or of another projector."""
         if pair != self.pair:
             self._pair = pair
-            self.capture_changed.emit(self._capture)
+            self.capture_changed.emit(self.capture_name)
 
     @property
     def capture(self) -> CaptureEntry | None:
         """The same, as read from its folder: the frames of the chosen camera and projector."""
-        entry = self._folder.entry(self._capture) if self._folder and self._capture else None
+        entry = self.folder.entry(self.capture_name) if self.folder and self.capture_name else None
         if entry is None or entry.capture is None:
             return entry
         return replace(entry, capture=entry.capture.seen_by(*self.pair))
@@ -148,8 +134,8 @@ class Session(QObject):
     def choose_capture(self, name: str, target: tuple[int, int] | None = None) -> None:
         """Look at another capture; `target` (row, col) is what the page that comes next shall point at."""
         self._target = target
-        if name != self._capture:
-            self._capture = name
+        if name != self.capture_name:
+            self.capture_name = name
             self.capture_changed.emit(name)
 
     def keep_line(self, line: Line) -> None:

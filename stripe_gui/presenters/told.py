@@ -10,7 +10,7 @@ import json
 import re
 from functools import lru_cache
 
-from stripe_gui.assets import asset
+from core.resources import resource
 
 EDGE = " ;:,."  # of a piece: belongs to where it stands
 NAMES = 3  # words at most of what a sentence is of
@@ -22,7 +22,7 @@ _patterns: list[tuple[str, re.Pattern[str], str]] = []  # longest fragment, patt
 def speak(language: str) -> None:
     """Take another language."""
     told.cache_clear()
-    file = asset("translations", f"core_{language}.json")
+    file = resource("translations", f"core_{language}.json")
     table = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
     _patterns[:] = [_pattern(english, text) for english, text in sorted(table.items(), key=_weight, reverse=True)]
 

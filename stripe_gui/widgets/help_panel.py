@@ -9,8 +9,8 @@ from PySide6.QtCore import Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices, QImage, QTextDocument
 from PySide6.QtWidgets import QTextBrowser, QVBoxLayout, QWidget
 
+from core.resources import resource
 from stripe_gui import theme
-from stripe_gui.assets import asset
 from stripe_gui.widgets.layout import label, row, tool
 
 WIDTH = 320  # px, as little as a chapter's tables take
@@ -18,7 +18,7 @@ WIDTH = 320  # px, as little as a chapter's tables take
 
 def help_file(topic: str, language: str = "en") -> Path | None:
     """Give a chapter, in the operator's language where it has been translated; None where there is none."""
-    for folder in (asset("help", language), asset("help")):
+    for folder in (resource("help", language), resource("help")):
         if (folder / f"{topic}.md").is_file():
             return folder / f"{topic}.md"
     return None
@@ -72,7 +72,7 @@ class HelpPanel(QWidget):
         if file is None:
             self.browser.setPlainText(self.tr("There is no help for this page."))
             return
-        self.browser.setSearchPaths([str(file.parent), str(asset("help"))])
+        self.browser.setSearchPaths([str(file.parent), str(resource("help"))])
         self.browser.document().setDefaultStyleSheet(f"a {{ color: {theme.current().accent}; }}")
         self.browser.setMarkdown(file.read_text(encoding="utf-8"))
         self.browser.verticalScrollBar().setValue(0)

@@ -108,7 +108,7 @@ class ImageView(theme.Themed):
         self.readout.setAccessibleName(self.tr("Value under the cursor"))
         self.outline = QGraphicsRectItem()  # dark images and maps with gaps do not show where they end
         self.add_item(self.outline)
-        self._image: NDArray | None = None
+        self.image: NDArray | None = None  # what is shown, (H, W)
         self._unit, self._digits, self._signed = "", 1, False
         self._extra: Callable[[int, int], str] | None = None
         self.setLayout(column((row(self.canvas, self.bar, spacing=8), 1), self.readout, spacing=4))
@@ -117,11 +117,6 @@ class ImageView(theme.Themed):
         self.canvas.clicked.connect(self.clicked)
         self.colour()
         self._say(None)
-
-    @property
-    def image(self) -> NDArray | None:
-        """What is shown, shape (H, W)."""
-        return self._image
 
     def set_image(
         self,
@@ -140,11 +135,11 @@ class ImageView(theme.Themed):
         read-out, to which ``extra(u, v)`` adds text. `colours`, (H, W, 4), are painted instead of the scale's, such as
         a shaded map.
         """
-        before = None if self._image is None else self._image.shape
-        self._image = None if image is None else np.asarray(image)
+        before = None if self.image is None else self.image.shape
+        self.image = None if image is None else np.asarray(image)
         self._unit, self._digits, self._extra = unit, digits, extra
         self._signed = levels[0] < 0
-        if self._image is None:
+        if self.image is None:
             self.image_item.clear()
             self.outline.setRect(QRectF())
             self.bar.hide()
@@ -155,18 +150,18 @@ class ImageView(theme.Themed):
             self.image_item.setImage(colours, autoLevels=False, levels=(0, 255))
         else:
             self.image_item.setLookupTable(None if scale == "grey" else lookup(scale), update=False)
-            self.image_item.setImage(self._image, autoLevels=False, levels=levels)
-        height, width = self._image.shape
+            self.image_item.setImage(self.image, autoLevels=False, levels=levels)
+        height, width = self.image.shape
         self.image_item.setRect(QRectF(-0.5, -0.5, width, height))
         self.outline.setRect(QRectF(-0.5, -0.5, width, height))
         self.bar.setVisible(self._with_bar)
         self.bar.show_scale(scale, levels, unit, least=10.0**-digits)
-        if before != self._image.shape:
+        if before != self.image.shape:
             self.fit()
 
     def fit(self) -> None:
-        if self._image is not None:
-            height, width = self._image.shape
+        if self.image is not None:
+            height, width = self.image.shape
             self.canvas.box.setRange(QRectF(-0.5, -0.5, width, height), padding=0.01)
 
     def show_as(self, other: ImageView) -> None:
@@ -185,13 +180,13 @@ class ImageView(theme.Themed):
 
     def value_at(self, u: float, v: float) -> float | None:
         """Give the value of the pixel at a position; None outside and where it is NaN."""
-        if self._image is None or not (np.isfinite(u) and np.isfinite(v)):
+        if self.image is None or not (np.isfinite(u) and np.isfinite(v)):
             return None
         x, y = round(u), round(v)
-        height, width = self._image.shape
+        height, width = self.image.shape
         if not (0 <= x < width and 0 <= y < height):
             return None
-        value = float(self._image[y, x])
+        value = float(self.image[y, x])
         return value if np.isfinite(value) else None
 
     def _hover(self, u: float, v: float) -> None:
@@ -199,9 +194,9 @@ class ImageView(theme.Themed):
         self.hovered.emit(u, v)
 
     def _say(self, at: tuple[float, float] | None) -> None:
-        if at is None or self._image is None:
+        if at is None or self.image is None:
             self.readout.setText(
-                self.tr("Move the cursor over the image to read values.") if self._image is not None else " "
+                self.tr("Move the cursor over the image to read values.") if self.image is not None else " "
             )
             self.bar.mark(None)
             return
@@ -209,7 +204,7 @@ class ImageView(theme.Themed):
         value = self.value_at(u, v)
         sign = "+" if self._signed else ""
         number = self.tr("no value") if value is None else f"{value:{sign}.{self._digits}f} {self._unit}".rstrip()
-        height, width = self._image.shape
+        height, width = self.image.shape
         inside = -0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5
         more = self._extra(round(u), round(v)) if self._extra and inside else ""
         self.readout.setText(f"u {u:.1f}   v {v:.1f}   {number}   {more}".rstrip() if inside else " ")

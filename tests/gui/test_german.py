@@ -17,13 +17,13 @@ from PySide6.QtCore import QTranslator
 from PySide6.QtWidgets import QAbstractButton, QComboBox, QLabel, QMenu, QTabBar, QWidget
 
 import stripe_gui
-from stripe_gui.assets import asset
+from core.resources import resource
 from stripe_gui.widgets.help_panel import help_file
 
-TS = asset("translations", "stripe_de.ts")
-QM = asset("translations", "stripe_de.qm")
+TS = resource("translations", "stripe_de.ts")
+QM = resource("translations", "stripe_de.qm")
 SOURCES = Path(stripe_gui.__file__).parent
-CHAPTERS = sorted(path.stem for path in asset("help").glob("*.md"))
+CHAPTERS = sorted(path.stem for path in resource("help").glob("*.md"))
 PLACEHOLDER = re.compile(r"\{[^}]*\}")
 HOW_TO_UPDATE = "run resources/translations/update.sh and translate what is new"
 
@@ -184,7 +184,7 @@ def test_a_german_chapter_follows_the_english_one(chapter: str) -> None:
     file = help_file(chapter, "de")
     assert file is not None
     assert file.parent.name == "de", f"{chapter}.md is not translated"
-    english = asset("help", f"{chapter}.md").read_text(encoding="utf-8")
+    english = resource("help", f"{chapter}.md").read_text(encoding="utf-8")
     text = file.read_text(encoding="utf-8")
     for pattern in (
         r"^#+ ",  # headings, with their depth
@@ -195,7 +195,7 @@ def test_a_german_chapter_follows_the_english_one(chapter: str) -> None:
     ):
         assert re.findall(pattern, text, re.MULTILINE) == re.findall(pattern, english, re.MULTILINE)
     for link in re.findall(r"(?<=\]\()[^)#:]*", text):
-        assert (file.parent / link).is_file() or asset("help", link).is_file(), link
+        assert (file.parent / link).is_file() or resource("help", link).is_file(), link
 
 
 def test_the_help_names_buttons_as_the_window_does(german: dict[Key, str]) -> None:
@@ -204,7 +204,7 @@ def test_the_help_names_buttons_as_the_window_does(german: dict[Key, str]) -> No
         name
         for chapter in CHAPTERS
         for name in re.findall(
-            r"(?<![*\w])\*([^*\n]+)\*(?!\*)", asset("help", "de", f"{chapter}.md").read_text(encoding="utf-8")
+            r"(?<![*\w])\*([^*\n]+)\*(?!\*)", resource("help", "de", f"{chapter}.md").read_text(encoding="utf-8")
         )
     }
     unknown = {name for name in named if not all(part.strip() in texts for part in re.split("[>›]", name))}

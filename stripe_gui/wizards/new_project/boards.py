@@ -46,21 +46,17 @@ class SheetView(QWidget):
         self.setMinimumSize(240, 180)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setAccessibleName(self.tr("Picture of the board"))
-        self._sheet: Sheet | None = None
+        self.sheet: Sheet | None = None
         self._drawing = QSvgRenderer(self)
         self._drawing.setAspectRatioMode(Qt.AspectRatioMode.KeepAspectRatio)
         self._ends: tuple[int, int] | None = None
         self._instead = ""
 
-    @property
-    def sheet(self) -> Sheet | None:
-        return self._sheet
-
     def show_sheet(self, sheet: Sheet | None, ends: tuple[int, int] | None = None, instead: str = "") -> None:
         """Show a board, or say instead why there is none; `ends` are the indices of two targets to be joined."""
-        if sheet is not self._sheet and sheet is not None:
+        if sheet is not self.sheet and sheet is not None:
             self._drawing.load(QByteArray(sheet_svg(sheet).encode()))
-        self._sheet, self._ends, self._instead = sheet, ends, instead
+        self.sheet, self._ends, self._instead = sheet, ends, instead
         self.setAccessibleDescription(sheet.title if sheet is not None else instead)
         self.update()
 
@@ -69,13 +65,13 @@ class SheetView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
         painter = QPainter(self)
-        if self._sheet is None:
+        if self.sheet is None:
             painter.setPen(QColor(theme.current().muted))
             flags = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
             painter.drawText(self.rect().adjusted(4, 4, -4, -4), flags, self._instead)
             return
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        colours, sheet = theme.current(), self._sheet
+        colours, sheet = theme.current(), self.sheet
         room = QRectF(self.rect()).adjusted(1, 1, -1, -1)
         unit = min(room.width() / sheet.width_mm, room.height() / sheet.height_mm)
         page = QRectF(0, 0, sheet.width_mm * unit, sheet.height_mm * unit)
