@@ -291,7 +291,7 @@ def compare_runs(first: Run, second: Run) -> tuple[Difference, ...]:
     zero by definition.
     """
     for method in first.figures.keys() & second.figures.keys():
-        if all({"devices", "projector_from_camera"} <= run.figures[method].keys() for run in (first, second)):
+        if all({"devices", "orientations"} <= run.figures[method].keys() for run in (first, second)):
             return _of_devices(first.figures[method], second.figures[method])
     return ()
 
@@ -306,19 +306,23 @@ def _of_devices(a: dict[str, Any], b: dict[str, Any]) -> tuple[Difference, ...]:
         for name, key, unit in zip(lens.names, lens.keys, lens.units, strict=True):
             values = [(float(d[key]["value"]), float(d[key]["sigma"])) for d in (one, other)]
             found.append(_difference(f"{device} {name}", unit, values[0], values[1], bool(same_zero)))
-    return (*found, *_relative(a["projector_from_camera"], b["projector_from_camera"]))
+    both = {n: (o, b["orientations"].get(n, {})) for n, o in a["orientations"].items()}
+    for device, (one, other) in both.items():
+        if one["from"] == other.get("from"):
+            found += _relative(one, other, f"{device} " if len(both) > 1 else "")
+    return tuple(found)
 
 
-def _relative(a: dict[str, Any], b: dict[str, Any]) -> list[Difference]:
-    """Differences of the relative orientations; the shift and turn of the projector's frame."""
+def _relative(a: dict[str, Any], b: dict[str, Any], of: str) -> list[Difference]:
+    """Differences of a device's relative orientations; the shift and turn of its frame."""
     turn = rotation_vector_from_matrix(np.array(b["rotation"]) @ np.array(a["rotation"]).T)
     found = []
     for i, axis in enumerate("XYZ"):
         sigmas = [1e3 * _sigma(run, "rotation_sigma_rad", i) for run in (a, b)]
-        found.append(_difference(f"turn about {axis}", "mrad", (0.0, sigmas[0]), (1e3 * float(turn[i]), sigmas[1])))
+        found.append(_difference(f"{of}turn about {axis}", "mrad", (0.0, sigmas[0]), (1e3 * float(turn[i]), sigmas[1])))
     for i, axis in enumerate("XYZ"):
         one, other = ((float(run["translation_mm"][i]), _sigma(run, "translation_sigma_mm", i)) for run in (a, b))
-        found.append(_difference(f"shift {axis}", "mm", one, other))
+        found.append(_difference(f"{of}shift {axis}", "mm", one, other))
     return found
 
 

@@ -273,7 +273,7 @@ def run_with(number: int, c_mm: float, sigma: float, turn: np.ndarray, shift: np
         "translation_sigma_mm": [0.01] * 3,
     }
     devices = {"camera": device(c_mm), "projector": device(180.0)}
-    network = {"devices": devices, "projector_from_camera": relative}
+    network = {"devices": devices, "orientations": {"projector": {"from": "camera", **relative}}}
     return Run(number, "", CalibrateOptions(), {"photogrammetric": ()}, {}, {}, {"photogrammetric": network})
 
 
@@ -281,7 +281,7 @@ def test_runs_are_compared_in_units_of_the_greater_sigma() -> None:
     first = run_with(1, 12.000, 0.002, np.array([0.1, 0.2, -0.1]), np.array([-240.0, 10.0, 5.0]))
     turned = matrix_from_rotation_vector([0.0, 3e-4, 0.0]) @ matrix_from_rotation_vector([0.1, 0.2, -0.1])
     second = run_with(2, 12.010, 0.004, np.zeros(3), np.array([-240.0, 10.02, 5.0]))
-    second.figures["photogrammetric"]["projector_from_camera"]["rotation"] = turned.tolist()
+    second.figures["photogrammetric"]["orientations"]["projector"]["rotation"] = turned.tolist()
     found = {d.name: d for d in compare_runs(first, second)}
     c = found["camera c"]
     assert (c.first, c.second, c.unit) == ((12.0, 0.002), (12.010, 0.004), "mm")
@@ -301,10 +301,18 @@ def test_parameters_with_other_zero_radii_are_not_set_against_each_other() -> No
     assert {d.name: d for d in compare_runs(first, second)}["camera c"].in_sigmas is None
 
 
-def test_a_run_of_cameras_alone_is_not_compared() -> None:
-    first, second = (run_with(n, 12.000, 0.002, np.zeros(3), np.zeros(3)) for n in (1, 2))
-    del second.figures["photogrammetric"]["projector_from_camera"]
-    assert compare_runs(first, second) == ()
+def test_all_devices_of_two_runs_are_compared() -> None:
+    """Only the first camera's pair was, and nothing where cameras alone were calibrated."""
+    first, second = (run_with(n, 12.000, 0.002, np.zeros(3), np.array([-n, 0.0, 0.0])) for n in (1, 2))
+    for run, at in ((first, 10.0), (second, 10.05)):
+        placed = run.figures["photogrammetric"]["orientations"]
+        placed["right"] = {**placed["projector"], "translation_mm": [0.0, 0.0, at], "translation_sigma_mm": [None] * 3}
+    found = {d.name: d for d in compare_runs(first, second)}
+    assert found["projector shift X"].difference == -1
+    assert found["right shift Z"].difference == pytest.approx(0.05)
+    assert found["right shift Z"].in_sigmas is None  # held in both
+    second.figures["photogrammetric"]["orientations"]["right"]["from"] = "projector"
+    assert not [d for d in compare_runs(first, second) if d.name.startswith("right")]
 
 
 def test_a_run_without_a_photogrammetric_calibration_is_not_compared() -> None:
