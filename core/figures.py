@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from core.geometry import Pose, lens_of, pair_of
+from core.geometry import Pose, held_axes, lens_of, orientation_variances, pair_of
 from core.model import (
     AdjustedDevice,
     Adjustment,
+    Array,
     DepthCalibration,
     Figures,
     PhaseMap,
@@ -83,7 +84,6 @@ def depth_figures(calibration: DepthCalibration) -> Figures:
 
 def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
     """The photogrammetric calibration."""
-    sigmas = dict(zip(calibration.parameter_names, np.sqrt(np.diagonal(calibration.covariance)), strict=True))
     return {
         **picked(calibration, "sigma0 stations image_points object_points redundancy"),
         "camera": device_figures(calibration.camera),
@@ -91,9 +91,7 @@ def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
         "orientations": {
             name: {
                 "from": known.base,
-                **pose_figures(known.device_from_base),
-                "rotation_sigma_rad": [plain(sigmas[f"{name}.r{axis}"]) for axis in "xyz"],
-                "translation_sigma_mm": [plain(sigmas[f"{name}.t{axis}"]) for axis in "xyz"],
+                **_known_pose(known.device_from_base, orientation_variances(calibration, name)),
             }
             for name, known in calibration.orientations.items()
         },
@@ -105,14 +103,20 @@ def photogrammetric_figures(calibration: PhotogrammetricCalibration) -> Figures:
 def _pair_figures(calibration: PhotogrammetricCalibration) -> Figures:
     """The projector that is meant where none is named, and how it stands to that camera."""
     pair = pair_of(calibration)
-    relative_sigma = np.sqrt(np.diagonal(pair.covariance)[-6:])
     return {
         "projector": device_figures(calibration.projector),
-        "projector_from_camera": {
-            **pose_figures(pair.projector_from_camera),
-            "rotation_sigma_rad": [plain(s) for s in relative_sigma[:3]],
-            "translation_sigma_mm": [plain(s) for s in relative_sigma[3:]],
-        },
+        "projector_from_camera": _known_pose(pair.projector_from_camera, np.diagonal(pair.covariance)[-6:]),
+    }
+
+
+def _known_pose(pose: Pose, variances: Array) -> Figures:
+    """A pose with sigmas: null along an axis along which the place was held, which `held` then names."""
+    held, sigmas = held_axes(pose, variances), np.sqrt(variances)
+    return {
+        **pose_figures(pose),
+        "rotation_sigma_rad": [plain(s) for s in sigmas[:3]],
+        "translation_sigma_mm": [None if a in held else plain(s) for a, s in zip("xyz", sigmas[3:], strict=True)],
+        **({"held": [f"t{axis}" for axis in held]} if held else {}),
     }
 
 

@@ -26,6 +26,18 @@ def orientation_names(name: str) -> tuple[str, ...]:
     return tuple(f"{name}.{p}" for p in ORIENTATION)
 
 
+def orientation_variances(calibration: PhotogrammetricCalibration, name: str) -> Array:
+    """Variances (6,) of a device's orientation, rad² and mm²."""
+    first = calibration.parameter_names.index(f"{name}.rx")
+    return np.diagonal(calibration.covariance)[first : first + 6]
+
+
+def held_axes(device_from_base: Pose, variances: Array) -> tuple[str, ...]:
+    """Axes, of "xyz", along which a place is held at 0 because it was never observed: it has no variance (6,) then."""
+    places = zip("xyz", device_from_base.translation_mm, variances[3:], strict=True)
+    return tuple(axis for axis, place, variance in places if place == 0 and variance == 0)
+
+
 def relative_derivatives(base_shift: Array, relative: Pose) -> tuple[Array, Array]:
     """Change (6, 6) of ``other_from_base`` with the orientations of base and other to a third frame.
 

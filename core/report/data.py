@@ -110,11 +110,6 @@ class CalibratedDevice:
     device: AdjustedDevice
 
     @property
-    def label(self) -> str:
-        """What tables and figures call the device."""
-        return self.kind or self.name
-
-    @property
     def phrase(self) -> str:
         """What sentences call the device."""
         return f"the {self.kind}" if self.kind else self.name

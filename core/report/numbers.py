@@ -7,7 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from core.geometry import LENSES, at_radius, lens_of, pair_of, rotation_vector_from_matrix
+from core.geometry import (
+    LENSES,
+    at_radius,
+    held_axes,
+    lens_of,
+    orientation_variances,
+    pair_of,
+    rotation_vector_from_matrix,
+)
 from core.model import AdjustedDevice, Array, DepthCalibration, DriftPoint, Interior, PlaneEvaluation, Registration
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
 from core.report.published import Published, published_names, read_published
@@ -115,8 +123,8 @@ def adjustment_table(data: ReportData, published: Published | None) -> Table:
         add("iterations", "", _count(data.adjustment.iterations))
     for d in calibrated_devices(data):
         for axis, name in enumerate("xy"):
-            known = _known(p.residual_um(d.kind, axis), ".2f")
-            add(f"residuals {d.label} {name}, r.m.s.", "µm", Number(d.device.residual_rms_um[axis], ".2f"), known)
+            known, rms = _known(p.residual_um(d.kind, axis), ".2f"), d.device.residual_rms_um[axis]
+            add(f"residuals {d.name} {name}, r.m.s.", "µm", Number(rms, ".2f") if rms > 0 else "not observed", known)
     for axis, value in enumerate(object_sigmas_um(data)):
         known = None if p.object_sigma_rms_um is None else Number(p.object_sigma_rms_um[axis], ".1f")
         add(f"σ of object points {'XYZ'[axis]}, r.m.s.", "µm", Number(value, ".1f"), known)
@@ -126,8 +134,17 @@ def adjustment_table(data: ReportData, published: Published | None) -> Table:
     for name, unit, number in _relative_orientation(data):
         add(name, unit, number)
     columns = ("quantity", "unit", "this adjustment", *(["published"] if published else []))
-    notes = (f"Published: {published.name}.",) if published else ()
+    notes = (*_held_places(data), *([f"Published: {published.name}."] if published else []))
     return Table("Table 2. The bundle adjustment", columns, tuple(rows), notes)
+
+
+def _held_places(data: ReportData) -> Iterable[str]:
+    """What of the devices' places was held: a projector whose columns only were coded knows no other."""
+    if data.photogrammetric is None:
+        return
+    for name, known in data.photogrammetric.orientations.items():
+        for axis in held_axes(known.device_from_base, orientation_variances(data.photogrammetric, name)):
+            yield f"The place of {name} against {known.base} along {name}'s {axis} axis was not observed: held at 0."
 
 
 def volume_table(figures: Mapping[str, Any]) -> Table:

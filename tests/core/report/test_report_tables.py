@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from core.figures import photogrammetric_figures
 from core.geometry import LENSES, at_radius, distort
 from core.model import Interior
 from core.report import Number, ReportData, Table, cell_text, tables, text_table
@@ -109,6 +110,41 @@ def test_adjustment_table(data):
     }
     for name, (own, published) in expected.items():
         assert (cell_text(rows[name]["this adjustment"]), cell_text(rows[name]["published"])) == (own, published)
+
+
+def test_what_was_never_observed_is_held_and_has_no_sigma_of_0(data):
+    """The place of a projector across its coded columns was printed with a sigma of 0, its residuals as 0."""
+    found = data.photogrammetric
+    pose = found.orientations["projector"].device_from_base
+    pose = dataclasses.replace(pose, translation_mm=pose.translation_mm * [1, 0, 1])
+    covariance = found.covariance.copy()
+    covariance[22] = covariance[:, 22] = 0
+    device = dataclasses.replace(found.devices["projector"], residual_rms_um=(7.66, 0.0))
+    found = dataclasses.replace(
+        found,
+        devices={**found.devices, "projector": device},
+        orientations={"projector": dataclasses.replace(found.orientations["projector"], device_from_base=pose)},
+        covariance=covariance,
+    )
+    table = tables(dataclasses.replace(data, photogrammetric=found))[2]
+    assert cell_text(by_row(table)["residuals projector y, r.m.s."]["this adjustment"]) == "not observed"
+    assert any("place of projector" in note and "held at 0" in note for note in table.notes)
+    figures = photogrammetric_figures(found)
+    for told in (figures["orientations"]["projector"], figures["projector_from_camera"]):
+        assert told["translation_sigma_mm"] == [pytest.approx(0.05), None, pytest.approx(0.05)]
+        assert told["held"] == ["ty"]
+    assert not any("held" in note for note in tables(data)[2].notes)
+    assert "held" not in photogrammetric_figures(data.photogrammetric)["projector_from_camera"]
+
+
+def test_rows_of_a_device_have_one_name(data):
+    """Residuals were those of "projector" beside the variance factor of the device's own name."""
+    found = data.photogrammetric
+    devices = {"camera": found.devices["camera"], "beamer": found.devices["projector"]}
+    names = tuple(name.replace("projector.", "beamer.") for name in found.parameter_names)
+    orientations = {"beamer": found.orientations["projector"]}
+    found = dataclasses.replace(found, devices=devices, orientations=orientations, parameter_names=names)
+    assert "residuals beamer x, r.m.s." in by_row(tables(dataclasses.replace(data, photogrammetric=found))[2])
 
 
 def test_adjustment_without_calibration_gives_the_same_counts(data):
