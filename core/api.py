@@ -15,18 +15,27 @@ from typing import Any, Literal, SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from core.arrays import (
+    Device,
+    as_board,
+    as_coordinates,
+    as_device,
+    as_image,
+    as_known,
+    as_pattern,
+    as_positions,
+    as_sigmas,
+    as_size,
+)
 from core.errors import InputError
 from core.geometry import Pose, Projection, distort, image_to_pixel, pair_of, pixel_to_image, project_with_derivatives
 from core.geometry.intersection import intersect_observations
-from core.given import as_coordinates, as_device, as_image, as_numbers, as_pattern, as_sigmas, as_size
 from core.lazy import dataclass
 from core.model import (
-    AdjustedDevice,
     Adjustment,
     Array,
     Concern,
     DeviceSpec,
-    Interior,
     Pair,
     PhaseMap,
     PhotogrammetricCalibration,
@@ -41,10 +50,7 @@ from core.model import (
 from core.patterns import Pattern
 from core.progress import SILENT, Progress
 
-Device = AdjustedDevice | tuple[DeviceSpec, Interior]
-
 OPENCV_FROM_OURS = Pose(np.diag([1.0, -1.0, -1.0]))
-_BESIDE = 0.5  # of a raster that coordinates may lie beside it: those of a projector are extrapolated at times
 
 
 def decode_frames(
@@ -129,25 +135,18 @@ def calibrate_points(
     core.AdjustmentError
         If the points do not determine the calibration.
     """
+    from core import checks
     from core.calibrate import calibrate_photogrammetric
-    from core.checks import (
-        adjustment_concerns,
-        left_out_of,
-        length_concerns,
-        nominal_concerns,
-        rejected_of,
-        sound_words,
-    )
 
     as_device("camera", camera)
     as_device("projector", projector)
-    board = _board(board_mm)
+    board = as_board("board_mm", board_mm)
     n = len(board)
     if length is not None and (len(length) != 4 or length[0] == length[1] or not {*length[:2]} <= {*range(n)}):
         told = f"is {tuple(length)!r}, the board has {n} points"
         raise InputError("length", told, "give indices of two of them from 0, millimetres and their sigma")
-    seen = _positions("camera_uv", camera_uv, n, camera)
-    lit = _positions("projector_uv", projector_uv, n, projector)
+    seen = as_positions("camera_uv", camera_uv, n, camera)
+    lit = as_positions("projector_uv", projector_uv, n, projector)
     if len(seen) != len(lit):
         raise InputError("projector_uv", f"has {len(lit)} positions, camera_uv {len(seen)}", "give as many")
     sigma = as_sigmas("camera_sigma_px", camera_sigma_px, seen, exact=False)
@@ -157,25 +156,15 @@ def calibrate_points(
     bar = ScaleBar((0, length[0]), (0, length[1]), length[2], length[3]) if length else None
     rig = Rig({"camera": camera}, {"projector": projector})
     found, adjustment = calibrate_photogrammetric(rig, field, targets, scale=bar, rigid=rigid, progress=progress)
-    rejected, _ = rejected_of(adjustment, targets)
+    rejected, _ = checks.rejected_of(adjustment, targets)
     concerns = [
         *_from_behind(adjustment),
-        *adjustment_concerns(adjustment, rejected),
-        *length_concerns(adjustment, field, bar, None, False),
-        *nominal_concerns(found.devices),
+        *checks.adjustment_concerns(adjustment, rejected),
+        *checks.length_concerns(adjustment, field, bar, None, False),
+        *checks.nominal_concerns(found.devices),
     ]
-    verdict = verdict_of(concerns, sound_words(adjustment))
-    return replace(found, verdict=verdict, left_out=left_out_of(targets, rejected))
-
-
-def _board(board_mm: ArrayLike) -> Array:
-    """Points of a board, shape (n, 3), z being 0 where it is not given."""
-    board = np.atleast_2d(as_numbers("board_mm", board_mm))
-    if board.ndim != 2 or board.shape[1] not in (2, 3):
-        raise InputError("board_mm", f"has shape {board.shape}", "give (n, 3) or (n, 2)")
-    if not np.isfinite(board).all():
-        raise InputError("board_mm", "has undefined values", "give approximate coordinates of every point")
-    return board if board.shape[1] == 3 else np.column_stack([board, np.zeros(len(board))])
+    verdict = verdict_of(concerns, checks.sound_words(adjustment))
+    return replace(found, verdict=verdict, left_out=checks.left_out_of(targets, rejected))
 
 
 def _targets(name: str, field: Testfield, seen: Array, sigma: Array, lit: Array, sigma_lit: Array) -> TargetSet:
@@ -314,14 +303,11 @@ def triangulate(
     uv, lines = as_coordinates("camera_uv", camera_uv), as_coordinates("projector_uv", projector_uv)
     if uv.shape != lines.shape or uv.shape[-1:] != (2,):
         raise InputError("projector_uv", f"has shape {lines.shape}, camera_uv {uv.shape}", "give (..., 2) for both")
-    sigma = np.concatenate(
-        [
-            as_sigmas("camera_sigma_px", camera_sigma_px, uv),
-            as_sigmas("projector_sigma_lines", projector_sigma_lines, lines),
-        ],
-        axis=-1,
-    ).reshape(-1, 4)
-    observed = np.concatenate([uv, lines], axis=-1).reshape(-1, 4)
+    sigmas = (
+        as_sigmas("camera_sigma_px", camera_sigma_px, uv),
+        as_sigmas("projector_sigma_lines", projector_sigma_lines, lines),
+    )
+    observed, sigma = (np.concatenate(both, axis=-1).reshape(-1, 4) for both in ((uv, lines), sigmas))
     pair = pair_of(calibration)
     S = pair.covariance if calibration_error else None
     xyz, covariance = intersect_observations(pair, observed, sigma, S)
@@ -346,6 +332,7 @@ def project_points(device: Device, points_mm: ArrayLike, device_from_object: Pos
 
     Examples
     --------
+    >>> from core import Interior
     >>> device = DeviceSpec(640, 480, (0.01, 0.01), 8.0), Interior(8.0)
     >>> project_points(device, [0.0, 100.0, -800.0]).uv
     array([319.5, 139.5])
@@ -355,7 +342,7 @@ def project_points(device: Device, points_mm: ArrayLike, device_from_object: Pos
         raise InputError("points_mm", f"has shape {points.shape}", "give (..., 3)")
     if not isinstance(device_from_object, Pose | None):
         raise InputError("device_from_object", f"is of type {type(device_from_object).__name__}", "give a core Pose")
-    return project_with_derivatives(*_known(device), points, device_from_object)
+    return project_with_derivatives(*as_known("device", device), points, device_from_object)
 
 
 def undistort_image(
@@ -384,7 +371,7 @@ def undistort_image(
     """
     import cv2
 
-    spec, interior = _known(device)
+    spec, interior = as_known("device", device)
     image = as_image("image", image)
     if image.dtype not in (np.uint8, np.uint16, np.float32):
         raise InputError("image", f"has grey values of type {image.dtype}", "give uint8, uint16 or float32")
@@ -407,29 +394,3 @@ def undistort_image(
         channel = np.ascontiguousarray(image[..., *k])
         straight[..., *k] = cv2.remap(channel, source[..., 0], source[..., 1], hows[interpolation])
     return straight
-
-
-def _known(device: Device) -> tuple[DeviceSpec, Interior]:
-    known = (device.spec, device.interior) if isinstance(device, AdjustedDevice) else device
-    match known:
-        case (DeviceSpec() as spec, Interior() as interior):
-            return as_device("device", spec), interior
-    raise InputError(
-        "device", f"is of type {type(device).__name__}", "give what a calibration holds, or (DeviceSpec, Interior)"
-    )
-
-
-def _positions(name: str, given: Sequence[ArrayLike], n: int, device: DeviceSpec) -> Array:
-    size = np.array([device.width, device.height])
-    arrays = [as_coordinates(f"{name}[{k}]", uv) for k, uv in enumerate(given)]
-    for k, uv in enumerate(arrays):
-        if uv.shape != (n, 2):
-            raise InputError(f"{name}[{k}]", f"has shape {uv.shape}", f"give ({n}, 2), NaN where a point was not seen")
-        beside = np.any((uv < -_BESIDE * size) | (uv > (1 + _BESIDE) * size), axis=1)
-        if beside.any():
-            u, v = uv[beside][0]
-            seen = f"has ({u:.6g}, {v:.6g}), its device {size[0]}x{size[1]} pixels or lines"
-            raise InputError(f"{name}[{k}]", seen, "give coordinates of this device, or its size")
-    if not arrays:
-        raise InputError(name, "is empty", "give one array for each position of the board")
-    return np.stack(arrays)

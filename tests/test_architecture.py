@@ -57,8 +57,8 @@ ALLOWED = {
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
     | {"checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
-    "given": {"errors", "model", "patterns"},
-    "api": GROUND | {"given", "decode", "calibrate", "checks", "reconstruct", "orient"},
+    "arrays": {"errors", "model", "patterns"},
+    "api": GROUND | {"arrays", "decode", "calibrate", "checks", "reconstruct", "orient"},
     "demo": {"progress", "model", "patterns", "figures", "project", "pipeline", "report"},
     "cli": {
         "errors",

@@ -143,26 +143,19 @@ def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: A
 
 
 def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibration) -> Judgement:
-    from core.checks import (
-        adjustment_concerns,
-        left_out_of,
-        misplaced_concerns,
-        nominal_concerns,
-        rejected_of,
-        sound_words,
-    )
+    from core import checks
 
     adjustment, targets = evidence.beside[ADJUSTMENT], evidence.targets(name)
     assert isinstance(adjustment, Adjustment)
-    rejected, lonely = rejected_of(adjustment, targets)
+    rejected, lonely = checks.rejected_of(adjustment, targets)
     concerns = [
-        *adjustment_concerns(adjustment, rejected),
-        *misplaced_concerns(common_testfield(evidence.used[name]), adjustment, targets),
+        *checks.adjustment_concerns(adjustment, rejected),
+        *checks.misplaced_concerns(common_testfield(evidence.used[name]), adjustment, targets),
         *(c for c in evidence.lengths if c.about != "plates"),  # which the adjustment does not use
-        *nominal_concerns(calibration.devices, evidence.project.rig.cameras),
+        *checks.nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]
-    alone = left_out_of([], lonely, why="seen from one place only")
-    return Judgement(concerns, sound_words(adjustment), (*evidence.left_out(name, rejected), *alone))
+    alone = checks.left_out_of([], lonely, why="seen from one place only")
+    return Judgement(concerns, checks.sound_words(adjustment), (*evidence.left_out(name, rejected), *alone))
 
 
 def _devices(project: Project, calibration: PhotogrammetricCalibration) -> Sequence[tuple[str, DeviceSpec, DeviceSpec]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from operator import index
 from typing import Any
 
@@ -10,8 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import InputError
-from core.model import Array, DeviceSpec
+from core.model import AdjustedDevice, Array, DeviceSpec, Interior
 from core.patterns import KINDS, Pattern, pattern_from_dict
+
+Device = AdjustedDevice | tuple[DeviceSpec, Interior]
+
+_BESIDE = 0.5  # of a raster that coordinates may lie beside it: those of a projector are extrapolated at times
 
 
 def as_pattern(name: str, given: Pattern | Mapping[str, Any]) -> Pattern:
@@ -85,3 +89,41 @@ def as_sigmas(name: str, sigma: ArrayLike, of: Array, *, exact: bool = True) -> 
         seen = f"has {'' if exact else 'zero, '}negative or undefined values"
         raise InputError(name, seen, "give standard deviations")
     return spread
+
+
+def as_known(name: str, given: Device) -> tuple[DeviceSpec, Interior]:
+    """Give a device whose interior orientation is known."""
+    known = (given.spec, given.interior) if isinstance(given, AdjustedDevice) else given
+    match known:
+        case (DeviceSpec() as spec, Interior() as interior):
+            return as_device(name, spec), interior
+    raise InputError(
+        name, f"is of type {type(given).__name__}", "give what a calibration holds, or (DeviceSpec, Interior)"
+    )
+
+
+def as_board(name: str, given: ArrayLike) -> Array:
+    """Give the points of a board, (n, 3), z being 0 where it is not given."""
+    board = np.atleast_2d(as_numbers(name, given))
+    if board.ndim != 2 or board.shape[1] not in (2, 3):
+        raise InputError(name, f"has shape {board.shape}", "give (n, 3) or (n, 2)")
+    if not np.isfinite(board).all():
+        raise InputError(name, "has undefined values", "give approximate coordinates of every point")
+    return board if board.shape[1] == 3 else np.column_stack([board, np.zeros(len(board))])
+
+
+def as_positions(name: str, given: Sequence[ArrayLike], n: int, device: DeviceSpec) -> Array:
+    """Give the coordinates (k, n, 2) of a board's points in a device, at its k positions."""
+    size = np.array([device.width, device.height])
+    arrays = [as_coordinates(f"{name}[{k}]", uv) for k, uv in enumerate(given)]
+    for k, uv in enumerate(arrays):
+        if uv.shape != (n, 2):
+            raise InputError(f"{name}[{k}]", f"has shape {uv.shape}", f"give ({n}, 2), NaN where a point was not seen")
+        beside = np.any((uv < -_BESIDE * size) | (uv > (1 + _BESIDE) * size), axis=1)
+        if beside.any():
+            u, v = uv[beside][0]
+            seen = f"has ({u:.6g}, {v:.6g}), its device {size[0]}x{size[1]} pixels or lines"
+            raise InputError(f"{name}[{k}]", seen, "give coordinates of this device, or its size")
+    if not arrays:
+        raise InputError(name, "is empty", "give one array for each position of the board")
+    return np.stack(arrays)
