@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from core import pipeline
 from core.figures import evaluation_figures
 from core.lazy import dataclass
 from core.model import Figures
 from core.patterns import SequenceSpec
-from core.pipeline import (
-    calibration_figures,
-    check_scenario,
-    load_calibrations,
-    load_evaluation,
-    result_path,
-    result_tables,
-    simulate_project,
-    update_project,
-)
 from core.progress import SILENT, Progress
 from core.project import read_project
 from core.project.made import note_made, read_made
@@ -46,7 +37,7 @@ def run_demo(
     What an earlier demo wrote is replaced; one that was stopped goes on where it was. What somebody added or changed is
     an InputError that names it; nothing has been touched then.
     """
-    check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
+    pipeline.check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
     made = read_made(out)
     if made.get("demo") == "simulated" and (made.get("scenario"), made.get("seed"), made.get("sequence")) == (
         scenario,
@@ -55,14 +46,14 @@ def run_demo(
     ):
         project = read_project(out)
     else:
-        project = simulate_project(out, scenario, seed, progress.part(0.0, 0.6), sequence=sequence)
+        project = pipeline.simulate_project(out, scenario, seed, progress.part(0.0, 0.6), sequence=sequence)
         note_made(out, {**_facts(out), "demo": "simulated"})
-    update_project(project, progress.part(0.6, 1.0))
+    pipeline.update_project(project, progress.part(0.6, 1.0))
     note_made(out, {**_facts(out), "demo": "complete"})
-    calibrations, evaluations = load_calibrations(project), load_evaluation(project)
-    report = ReportPaths(*(result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")))
-    figures = {**calibration_figures(calibrations), **evaluation_figures(evaluations)}
-    return Demo(result_tables(project, evaluations), figures, report)
+    calibrations, evaluations = pipeline.load_calibrations(project), pipeline.load_evaluation(project)
+    report = ReportPaths(*(pipeline.result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")))
+    figures = {**pipeline.calibration_figures(calibrations), **evaluation_figures(evaluations)}
+    return Demo(pipeline.result_tables(project, evaluations), figures, report)
 
 
 def _facts(out: Path) -> Figures:

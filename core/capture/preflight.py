@@ -11,15 +11,7 @@ from math import ceil
 
 import numpy as np
 
-from core.capture.fitness import (
-    exposure,
-    focus,
-    linearity_of_halves,
-    linearity_of_levels,
-    lit_pixels,
-    order,
-    orientation,
-)
+from core.capture import fitness
 from core.capture.plan import Plan, guards_for, own_sequence
 from core.capture.quality import LIT, sample_grid, summarise
 from core.devices import Camera, Check, Projector, no_check, wait_until
@@ -55,12 +47,12 @@ def preflight(
     sampled = summarise(plan, grey, at, (images[0].shape[0], images[0].shape[1]), (1 << camera.bits) - 1)
     white = images[plan.shots.index(White())]
     findings = (
-        exposure(white, images[plan.shots.index(Black())], (1 << camera.bits) - 1),
+        fitness.exposure(white, images[plan.shots.index(Black())], (1 << camera.bits) - 1),
         settle,
         linear,
-        focus(plan, images),
-        *order(plan, sampled, projector.size),
-        orientation(plan, sampled, projector.size),
+        fitness.focus(plan, images),
+        *fitness.order(plan, sampled, projector.size),
+        fitness.orientation(plan, sampled, projector.size),
     )
     progress(1.0, "checked")
     return findings
@@ -129,11 +121,11 @@ def linearity(projector: Projector, camera: Camera, wait_s: float, check: Check 
     if projector.refusal(Level(0.5)) is None:
         shown = np.linspace(0, 1, LEVELS)
         images = [_image(projector, camera, Level(float(level)), wait_s, check) for level in shown]
-        return linearity_of_levels(shown, images)
+        return fitness.linearity_of_levels(shown, images)
     halves = [Phase("x", 4.0, 4, k, k * np.pi / 2, "square") for k in (0, 2)]
     patterns: list[Pattern] = [White(), Black(), *halves]
     white, black, a, b = (_image(projector, camera, p, wait_s, check) for p in patterns)
-    return linearity_of_halves(white, black, a, b)
+    return fitness.linearity_of_halves(white, black, a, b)
 
 
 def measure_stripes(
@@ -150,7 +142,7 @@ def measure_stripes(
     white, again, black, *stack = (
         _image(projector, camera, pattern, wait_s, progress.check) for pattern in progress.over(patterns, "stripes")
     )
-    lit = lit_pixels(white, black)
+    lit = fitness.lit_pixels(white, black)
     if lit.mean() < LIT or not stack:
         seen = "too little of the image is lit" if stack else "the sequence has no stripes"
         raise DeviceError(projector.name, seen, "put a bright plate where both look, and expose longer")
