@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from core.model import Adjustment, Calibration, Concern, Method, PlaneEvaluation, PointCloud, Verdict, verdict_of
+from core.model import (
+    Adjustment,
+    Calibration,
+    Concern,
+    Method,
+    Network,
+    PlaneEvaluation,
+    PointCloud,
+    Verdict,
+    verdict_of,
+)
 from core.pipeline.evidence import Evidence, noted
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
@@ -20,10 +30,16 @@ if TYPE_CHECKING:
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
     """Judge the adjustment of a network on its own."""
+    from core.calibrate import CALIBRATION_OPTIONS, AdjustOptions, adjust
     from core.checks import adjustment_concerns, given_concerns, nominal_concerns, sound_words
 
     nominal = nominal_concerns(adjustment.devices)
-    concerns = [*given_concerns(adjustment), *adjustment_concerns(adjustment), *nominal]
+
+    def anew(network: Network, rejecting: bool) -> Adjustment:
+        beyond = CALIBRATION_OPTIONS.reject_beyond if rejecting else None
+        return adjust(network, options=AdjustOptions(reject_beyond=beyond))
+
+    concerns = [*given_concerns(adjustment, anew), *adjustment_concerns(adjustment), *nominal]
     return replace(adjustment, verdict=verdict_of(concerns, sound_words(adjustment)))
 
 
