@@ -36,8 +36,9 @@ def run() -> None:
         if getattr(sys, name) is None:  # it was closed
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  to the end
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # as on stderr: σ is not in all codes
-    ending = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    heard = [number for number in ending if signal.getsignal(number) is signal.SIG_DFL]  # nohup's is left alone
+    ending = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGINT") if hasattr(signal, name)]
+    usual = (signal.SIG_DFL, signal.default_int_handler)  # nohup's is left alone
+    heard = [number for number in ending if signal.getsignal(number) in usual]
     for number in heard:
         signal.signal(number, _end)
     gc.set_threshold(20_000)  # imports leave few cycles to look for: 4 to 10 % less time, no more memory
@@ -102,10 +103,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.clear()
         print(f"stripe-core: {StripeError('the work', 'out of memory', 'free some and run it again')}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt as ended:
+    except (KeyboardInterrupt, Exception) as ended:
+        number = _ended or (*ended.args, signal.SIGINT)[0] if isinstance(ended, KeyboardInterrupt) else _ended
+        if not number:  # otherwise an import or a finalizer made its own error of the end
+            raise
         console.clear()
         print(f"stripe-core: {Cancelled('the command')}", file=sys.stderr)
-        return 128 + (ended.args or (signal.SIGINT,))[0]
+        return 128 + number
 
 
 def parser(only: str | None = None) -> Parser:

@@ -28,7 +28,7 @@ def test_a_command_ends_in_one_line_and_leaves_nothing(number: int, tmp_path: Pa
             time.sleep(0.01)
         program.send_signal(number)
         time.sleep(0.01)
-        program.send_signal(number if number != signal.SIGINT else 0)  # impatience does not disturb the tidying up
+        program.send_signal(number)  # impatience does not disturb the tidying up
         _, told = program.communicate(timeout=60)
     assert program.returncode == 128 + number
     assert told == "stripe-core: the command: cancelled; start it again when you want the result\n"
@@ -43,6 +43,21 @@ def test_an_end_that_a_callback_swallowed_comes_at_the_next_step(monkeypatch: py
         cli._end(15, None)
     with pytest.raises(KeyboardInterrupt, match="15"):
         Progress(cancelled=cli._not_ended)(0.2)
+
+
+def test_an_end_that_an_import_makes_its_own_error_of_is_told_as_an_end(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def work(*_: object) -> None:
+        with suppress(KeyboardInterrupt):
+            cli._end(signal.SIGINT, None)
+        raise ImportError("Error importing numpy: check your installation")
+
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    monkeypatch.setattr(cli, "_ended", 0)
+    monkeypatch.setattr(cli, "_worked", work)
+    assert cli.main(["status", "."]) == 130
+    assert capsys.readouterr().err == "stripe-core: the command: cancelled; start it again when you want the result\n"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no such shell")
