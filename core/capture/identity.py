@@ -47,9 +47,8 @@ def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Findi
     if len(lit) < LIT * len(sampled.lit):
         return []  # the check of the modulation says so
     lit = lit[spaced(len(lit), _PIXELS)]
-    contrast = (sampled.white - sampled.black)[lit]
-    values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
-    tolerance = (sampled.noise / contrast).astype(np.float32)
+    values = sampled.between(lit)
+    tolerance = (sampled.noise / sampled.contrast[lit]).astype(np.float32)
     bright = np.flatnonzero(sampled.bright[lit])
     bright = bright[spaced(len(bright), BRIGHTEST)]
 
@@ -76,8 +75,7 @@ def coordinates(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> tuple[A
     row, white = 1.
     """
     lit = np.flatnonzero(sampled.lit)
-    contrast = (sampled.white - sampled.black)[lit]
-    values = ((sampled.grey[:, lit] - sampled.black[lit]) / contrast).astype(np.float32)
+    values = sampled.between(lit)
     found, cost, shown = [], np.zeros(len(lit), np.float32), 0
     for axis, count in (("x", lines[0]), ("y", lines[1])):
         shots = [i for i, p in enumerate(plan.shots) if axis_of(p) == axis]

@@ -15,9 +15,7 @@ Array = NDArray[np.float32]
 Numbers = NDArray[np.intp]
 
 BLURS_LINES = (0.35, 0.6, 0.9, 1.3, 1.8, 2.6)  # from sharp to a period of 4 lines that is nearly gone
-CONTRADICTION = (
-    0.12  # squared distance, white = 1: a right frame leaves below 0.05 on the virtual bench, one wrong bit 1
-)
+CONTRADICTION = 0.12  # squared distance, white = 1: on the virtual bench right frames leave below 0.05, a wrong bit 1
 NEAR = 0.01  # of squared distance: lines that fit so much alike cannot be told apart
 LEAST = 12  # pixels for a judgement of bright and dark
 ENOUGH = 40  # pixels for a judgement of grey values

@@ -42,16 +42,25 @@ class Sampled:
     ordered: Array
 
     @property
+    def contrast(self) -> Array:
+        """How much brighter white is than black, (n,)."""
+        return self.white - self.black
+
+    @property
     def lit(self) -> NDArray[np.bool_]:
         """Which pixels the projector lights well enough to judge, (n,)."""
-        return self.white - self.black > max(10 * self.noise, 0.02 * self.full)
+        return self.contrast > max(10 * self.noise, 0.02 * self.full)
 
     @property
     def bright(self) -> NDArray[np.bool_]:
         """Which pixels it lights well, and no frame saturates, (n,)."""
-        contrast = self.white - self.black
-        least = max(0.05 * self.full, 12 * self.noise, BRIGHT * quantile_of(contrast, 0.97))
-        return (contrast > least) & (self.grey.max(axis=0) < self.full)
+        least = max(0.05 * self.full, 12 * self.noise, BRIGHT * quantile_of(self.contrast, 0.97))
+        return (self.contrast > least) & (self.grey.max(axis=0) < self.full)
+
+    def between(self, pixels: NDArray[np.intp], inverted: bool = False) -> NDArray[np.float32]:
+        """All shots at some pixels, 0 where as dark as black and 1 where as bright as white, (shots, pixels)."""
+        grey = self.full - self.grey[:, pixels] if inverted else self.grey[:, pixels]
+        return ((grey - self.black[pixels]) / self.contrast[pixels]).astype(np.float32)
 
 
 def sample_grid(shape: tuple[int, int]) -> NDArray[np.intp]:

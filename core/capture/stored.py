@@ -142,7 +142,7 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
 
 
 def _light(sampled: Sampled, board: bool) -> list[Finding]:
-    contrast = sampled.white - sampled.black
+    contrast = sampled.contrast
     lit = contrast > 0.03 * sampled.full
     if lit.mean() < DARK:
         text = "hardly any light of the projector in the image: lamp, lens, exposure, or frames of another capture"
@@ -179,13 +179,11 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
 
 
 def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: float = SHARE) -> list[Finding]:
-    contrast = sampled.white - sampled.black
     good = np.flatnonzero(sampled.bright)
     if len(good) < LEAST_LIT:
         return []
     good = good[spaced(len(good), PIXELS)]
-    values = ((sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
-    inverted = ((sampled.full - sampled.grey[:, good] - sampled.black[good]) / contrast[good]).astype(np.float32)
+    values, inverted = sampled.between(good), sampled.between(good, inverted=True)
     found: list[Finding] = []
     axes: tuple[Axis, ...] = ("x", "y")
     for axis in axes:
