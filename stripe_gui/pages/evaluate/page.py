@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from core.pipeline import evaluate_project
-from stripe_gui.pages.evaluate.choices import calibration_choices, is_evaluated, plane_choices
 from stripe_gui.pages.evaluate.parts import BELOW, CheckList, HistogramPart, ProfilePart
 from stripe_gui.pages.parts_page import PartsPage
-from stripe_gui.presenters.evaluate import EvaluationView, load_evaluation
+from stripe_gui.presenters.evaluate import (
+    EvaluationView,
+    calibration_choices,
+    is_evaluated,
+    load_evaluation,
+    plane_choices,
+)
 from stripe_gui.presenters.stages import State
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.layout import boxed, column, label, row

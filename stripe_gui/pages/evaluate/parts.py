@@ -12,8 +12,7 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QWidget
 
 from core.evaluate import line_across
-from stripe_gui.pages.evaluate.choices import Choice
-from stripe_gui.presenters.evaluate import EvaluationView, distribution_text, plane_name, profile_text, profiles
+from stripe_gui.presenters.evaluate import Choice, EvaluationView, distribution_text, plane_name, profile_text, profiles
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.image_view import ARROWS, ImageView
 from stripe_gui.widgets.layout import button, choice, column, label, refill, row
