@@ -274,7 +274,7 @@ def test_refused_picks_are_told_where_they_are(operator: Operator, notices) -> N
     page, model = operator.page, operator.page.model
     # inner dots, each called by the row below its own: the grid seems to fit, the edges of the field do not
     cells = ((1, 1), (1, 7), (4, 7), (4, 1))
-    page._change(model.take, [Seed(r + 1, c, *operator.sees(r, c)) for r, c in cells])
+    page._change(lambda model: model.take([Seed(r + 1, c, *operator.sees(r, c)) for r, c in cells]))
     operator.wait()
     operator.press(Key.Key_Return)
     operator.wait()

@@ -279,12 +279,10 @@ class Picking:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a change to take back."""
         return bool(self._done)
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is a change to make again."""
         return bool(self._undone)
 
     def reload(self) -> bool:
@@ -326,7 +324,6 @@ class Picking:
         self._picks[image] = picks
 
     def _kept(self, image: int) -> Picks:
-        """Read the picks in an image of this camera."""
         seeds, excluded = kept_picks(self._whole[image].path)
         own = replace(self._whole[image], seeds=seeds).seeds_in(self.captures[image].camera)
         return Picks(tuple(replace(s, camera="") for s in own), excluded)

@@ -219,7 +219,7 @@ class MeasurePage(Page):
         u, v = self.image.cursor_at
         self._set_cursor(round(u + du, 3), round(v + dv, 3), follow=True)
         if self.model is not None and self.model.target in self.model.picked:
-            self._change(self.model.pick, *self.image.cursor_at, move=False)
+            self._change(lambda model: model.pick(*self.image.cursor_at), move=False)
 
     def _jump(self, du: int, dv: int) -> None:
         """Move the cross hairs to the next dot in a direction; a tenth of the view further where there is none."""
@@ -237,17 +237,15 @@ class MeasurePage(Page):
         if found is None:
             self.image.ask.setText(self.tr("There is no dot under the cross hairs; Shift+Space picks all the same."))
             return
-        self._change(self.model.pick, *found, onward=True)
+        self._change(lambda model: model.pick(*found), onward=True)
 
-    def _change(
-        self, function: Callable[..., object], *arguments: object, move: bool = True, onward: bool = False
-    ) -> None:
+    def _change(self, change: Callable[[Picking], object], *, move: bool = True, onward: bool = False) -> None:
         """Change the picks and show it; what cannot be saved is told and not shown."""
         model, background = self.model, self.background
         if model is None or background is None:
             return
         image = model.image
-        self.bench.guarded(function, *arguments)
+        self.bench.guarded(change, model)
         if onward and (following := model.next_target()) is not None:
             model.target = following
         if model.image != image:
@@ -259,21 +257,17 @@ class MeasurePage(Page):
 
     def remove(self) -> None:
         """Take the pick of the target at work away."""
-        if self.model is not None:
-            self._change(self.model.remove)
+        self._change(Picking.remove)
 
     def exclude(self) -> None:
         """Exclude the target at work from this image, or restore it."""
-        if self.model is not None:
-            self._change(self.model.exclude, self.model.target, move=False)
+        self._change(lambda model: model.exclude(model.target), move=False)
 
     def undo(self) -> None:
-        if self.model is not None:
-            self._change(self.model.undo)
+        self._change(Picking.undo)
 
     def redo(self) -> None:
-        if self.model is not None:
-            self._change(self.model.redo)
+        self._change(Picking.redo)
 
     # ----------------------------------------------------------------------------------------------- choosing targets
 
@@ -336,8 +330,8 @@ class MeasurePage(Page):
         elif step is NextStep.NEXT:
             self.go_to(model.next_due() or 0)
         else:
-            if step is NextStep.GUESS and model.guess:
-                self._change(model.take, model.guess)
+            if step is NextStep.GUESS and (guess := model.guess):
+                self._change(lambda model: model.take(guess))
             if model.complete:
                 self._measure()
 
