@@ -25,6 +25,7 @@ from core.patterns import brightness
 BINS = 12  # of grey values, with the same number of residuals each
 LEAST = 50  # residuals that tell a variance
 SHOWN, FALLING = 2.0, 5.0  # standard deviations that a slope must have, and a falling one
+OWN = 0.5  # of the noise of residuals, that of their levels at most: of those of two frames
 LOWEST = 0.5  # the noise is never taken below this part of the least seen
 TINY = 1e-12
 MEDIAN_OF_SQUARE = 0.45494  # of a normal deviate
@@ -167,6 +168,7 @@ def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
     """Weighted straight line through variances of so many residuals each; level where no slope is shown.
 
     The weights follow from the line itself: those from the variances found would favour what is small by chance.
+    Levels that differ by no more than their noise tell no slope: the noise that sorted them is in the residuals, too.
     """
     weight, noise = np.ones(len(level)), Noise(floor, 0.0, floor)
     least = max(floor, LOWEST * float(variance.min()))
@@ -177,7 +179,8 @@ def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
         lever = max(float(away @ (level - mean_level)), TINY * total)
         slope = float(away @ (variance - mean_variance)) / lever
         sigma = np.sqrt(2 / number * mean_variance**2 * total / lever / len(level))
-        slope = slope if not -FALLING * sigma <= slope <= SHOWN * sigma else 0.0
+        shown = lever > OWN * mean_variance * total and not -FALLING * sigma <= slope <= SHOWN * sigma
+        slope = slope if shown else 0.0
         noise = Noise(mean_variance - slope * mean_level, slope, least)
         weight = 1 / np.square(noise.variance(level))
     return noise

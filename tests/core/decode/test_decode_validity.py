@@ -50,6 +50,18 @@ def test_the_noise_model_is_found(steps, inverse, reference) -> None:
     assert noise.shot == pytest.approx(0.05, rel=0.2)
 
 
+@pytest.mark.parametrize("height", [37, 100])
+def test_levels_that_differ_by_their_noise_alone_tell_no_shot_noise(bench, height: int) -> None:
+    """Of a bit and its inverse the mean is the same everywhere; the even image, whose noise counts, is brighter."""
+    patterns = gray_and_phase("x", N, cell=1, periods=[], inverse=True) + REFERENCE
+    frames = sort_frames(patterns)
+    found = contrasts(frames, len(patterns))
+    for seed in range(8):
+        images = bench(height, blur=0.4, seed=seed).take(patterns)
+        noise = measure_noise(frames, found, take_sample(images), 255.0, images)
+        assert noise.variance(np.array([85.0]))[0] == pytest.approx(4 + 1 / 12, rel=0.15)
+
+
 def test_few_white_dots_on_black_tell_their_noise(bench) -> None:
     """A sample of all pixels holds some 150 of the dots'; their level is 60, the board's 8."""
     patterns = gray_and_phase("x", N, cell=8, periods=[16], steps=4)
