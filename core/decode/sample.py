@@ -34,6 +34,7 @@ BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do 
 FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
 LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
 CLEAR = 1.0  # standard deviations above 0 from which no more than a sixth of the noise is cut off
+UNLIKE = 0.06  # by which a neighbour in the next row is oftener noisier than less noisy: of 1.1 times the noise
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit; also
 # part of its squares that harmonics explain: sigma is 8 % too large by as much
@@ -119,6 +120,7 @@ def measure_noise(
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
+        sample = _with_unlike_rows(sample, found, images, light)
         used = np.abs(found).max(axis=0) > 0
         fewest = BENT if bent else FEWEST
         every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // fewest))
@@ -157,6 +159,25 @@ def measure_noise(
         return _sweep_noise(lines[0], sample, saturation, images)
     residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
+
+
+def _with_unlike_rows(sample: Singles, found: Array, images: Sequence[Image], light: Array | None) -> Singles:
+    """The sample; with every other row of it from one above, if it has even or odd rows alone and they are unlike.
+
+    They are where a colour camera's pixels were interpolated to grey, of which every column shows two kinds by turns.
+    """
+    size = images[0].shape
+    rows, columns = spread(size)
+    if rows.step % 2:
+        return sample
+    above = np.stack([image[rows.start - 1 : size[0] - 1 : rows.step, columns] for image in images]).astype(np.float32)
+    above = above if light is None else np.einsum("fg,gij->fij", light.astype(np.float32), above)
+    here, factors = sample.reshape(above.shape), found.astype(np.float32)
+    own, others = (np.abs(np.einsum("kf,fij->kij", factors, part)) for part in (here, above))
+    if abs(np.mean(np.sign(others - own))) < UNLIKE:
+        return sample
+    above[:, ::2] = here[:, ::2]
+    return above.reshape(sample.shape)
 
 
 def bent_squares(waves: Sequence[Wave], found: Array, sample: Singles, saturation: float) -> tuple[Wave, ...]:
