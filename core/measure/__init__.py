@@ -19,6 +19,7 @@ corners.py        corners where straight edges cross or end; crossings.py finds 
 ellipse.py        centres by the fit of a blurred ellipse
 steps.py          the light of a curved, blurred edge in square pixels, and how surely it is placed
 centroid.py       weighted centroid, its covariance, the image's noise
+grain.py          raw images of colour cameras; noise that neighbours share
 defocus.py        blur that changes across a dot, and what it draws
 rows.py           how far whole rows of the image are shifted
 circles.py        the middle of an ellipse is not the image of the circle's centre

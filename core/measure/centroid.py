@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.defocus import drawn_centroids, undrawn
+from core.measure.grain import PLAIN, Grain
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
@@ -70,23 +71,24 @@ def centroids(
     return m, cov + floor[:, None, None] ** 2 * np.eye(2)
 
 
-def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles) -> tuple[float, float]:
+def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles, grain: Grain = PLAIN) -> tuple[float, float]:
     """Variance of grey values as ``a + b I``, from second differences along rows in backgrounds and plateaus.
 
     The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ² about its mean, which small
-    dots' tops bend; clipping forgives the few that touch an edge. Where too few dots have a top, b is 0.
+    dots' tops bend; clipping forgives the few that touch an edge. Where too few dots have a top, b is 0. Both
+    are of sums over pixels, such as centroids, which have `grain` times as much.
     """
     ring = (profile.window * 1.05)[:, None] + np.array([0.0, 0.2, 0.4])
     low = _second_differences(image, rays, ring, np.ones(len(ring), bool))
     flat = profile.contour[:, 0] * rays.minor > BLURS_TO_EDGE * profile.blur + PIXEL
     if np.count_nonzero(flat) < max(3, 0.3 * len(flat)):
-        return _variance(low), 0.0
+        return grain.ground * _variance(low), 0.0
     # one pixel less for the difference, and what rounding to whole pixels may add: of small dots the middle alone
     deep = (np.maximum(profile.gentle - 1.7, 0.0) / rays.minor)[:, None] * np.array([0.5, 1.0])
     high = _second_differences(image, rays, deep, flat)
     rise = float(np.median(profile.contrast[flat]))
-    slope = (_variance(high) - _variance(low)) / max(rise, 1e-9)
-    return _variance(low) - slope * float(np.median(profile.plane[:, 0])), slope
+    slope = grain.slope * (_variance(high) - _variance(low)) / max(rise, 1e-9)
+    return grain.ground * _variance(low) - slope * float(np.median(profile.plane[:, 0])), slope
 
 
 def _second_differences(image: NDArray[np.float32], rays: Rays, radius: Array, use: NDArray[np.bool_]) -> Array:

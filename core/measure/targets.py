@@ -10,6 +10,7 @@ import numpy as np
 from core.errors import InputError
 from core.measure.board import board_from_testfield
 from core.measure.defocus import LIGHT, widening
+from core.measure.grain import balanced
 from core.measure.kinds import Marks, Sight, kind_of
 from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
@@ -85,7 +86,7 @@ def measure_targets(
     """
     kind = kind_of(testfield, capture or "testfield.csv")
     board = board_from_testfield(testfield)
-    image = _checked(phase.image, camera, capture or "image")
+    image = balanced(_checked(phase.image, camera, capture or "image"))
     where = f"{capture}/picks.json" if capture else "picks.json"
     unwanted = frozenset(check_excluded(board, excluded, where))
     sight = Sight(image, phase, testfield, board, camera, unwanted, where, side, progress)

@@ -14,6 +14,7 @@ from core.measure.centroid import centroids, noise_model
 from core.measure.circles import NOMINAL_SHARE, eccentricity, recentred, tangents, uncertain
 from core.measure.estimators import ESTIMATORS
 from core.measure.faults import half_lit, shape_faults
+from core.measure.grain import PLAIN, grain, of_lattice
 from core.measure.grow import Lattice
 from core.measure.identify import identify
 from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
@@ -32,6 +33,8 @@ from core.numerics import inverse_2x2, row_median
 ASTRAY = 0.5  # radii that a dot's centroid may lie off its spot
 SHADOW = 0.5  # of the usual share of the projector's light in all light: below, the projector does not reach a dot
 
+TOUCHED = 0.7  # px: pixels are drawn that an outline touches
+
 
 def _dark(testfield: Testfield) -> bool:
     return testfield.polarity == "black-on-white"
@@ -48,7 +51,7 @@ def measure_dots(sight: Sight, seeds: Sequence[Seed], coded: bool = False) -> Ma
     progress(0.3, "identifying targets")
     lattice, unlit = identify(board, camera, blobs, picks, spots, coded)
     progress(0.6, "measuring centroids")
-    dots, fault = _measure_dots(sight, image, lattice)
+    dots, fault = _measure_dots(sight, image, lattice, coded)
     fault = [EXCLUDED if t in sight.unwanted else f for t, f in zip(dots.target.tolist(), fault, strict=True)]
     return replace(_centred(sight, lattice, dots, fault), notes=(*astray, *unlit))
 
@@ -59,7 +62,7 @@ def _diameters(board: Board, affine: Array) -> tuple[float, float]:
     return 1.2 * short * float(board.radius_mm.min()), 3.2 * long * float(board.radius_mm.max())
 
 
-def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks, list[str]]:
+def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) -> tuple[Marks, list[str]]:
     """Profiles and centroids of all identified dots, eccentric yet; and why each must not be used, empty if it may."""
     board, dark = lattice.board, _dark(sight.testfield)
     target = np.flatnonzero(lattice.known)
@@ -82,10 +85,13 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice) -> tuple[Marks,
     shown = row_median(rays.sample(modulation, PLATEAU).reshape(len(target), -1)) / profile.contrast
     shadowed = shown < SHADOW * np.nanmedian(shown)
     light, unsure = _light(moved, np.where(cut, np.nan, profile.contrast), profile, shadowed, dark)
-    noise = noise_model(image, rays, profile)
+    ground = PLAIN if coded else grain(image, rays, profile.window, (profile.gentle - TOUCHED) / rays.minor)
+    noise = noise_model(image, rays, profile, ground)
     uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise)
     moment = rays.ellipse @ np.swapaxes(rays.ellipse, 1, 2) / 4  # what a change of the light moves a dot by
     cov = cov + moment @ unsure @ moment
+    diameter = 2 * np.sqrt(np.abs(np.linalg.det(rays.ellipse)))
+    cov = cov + of_lattice(ground, diameter, profile.spread)[:, None, None] * np.eye(2)
     profile = _recentred(profile, rays.ellipse, uv - moved, light)
     away = np.linalg.norm(inverse_2x2(rays.ellipse) @ (uv - centre)[..., None], axis=(1, 2))  # drawn to its neighbour
     profile = replace(
