@@ -32,6 +32,7 @@ compressed.py frames compressed with losses, and what that does to phases
 footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
 islands.py    coordinates that nothing around vouches for
 neighbours.py orders of fringes that a pixel leaves open and its neighbours tell
+repeated.py   outermost rows and columns that repeat those beside them
 mixed.py      pixels that see two surfaces at once, or the rim of the projected field
 detours.py    light that reaches a surface by a second way
 moved.py      edges of a code beside the phases' place of them, by light from near

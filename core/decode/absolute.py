@@ -34,6 +34,7 @@ from core.decode.noise import Noise
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.overexposed import relight
+from core.decode.repeated import drop_repeated
 from core.decode.ripple import take_ripple_out
 from core.decode.sample import spread
 from core.decode.sections import decode_sections, section_scratch
@@ -235,6 +236,7 @@ def _mend(
     flags = found.flags.reshape(found.shape)
     if at_rim:
         drop_rim(u, sigma, flags, float(table.lines), float(table.rim), missing)
+    drop_repeated(images, u, sigma, flags, missing)
     drop_islands(u, sigma, flags, missing, farthest(table))
     used = sum(int(flag) for flag, each in zip(MISSING, seen.tables, strict=True) if each.start != NOTHING)
     ask_neighbours(images, table, telling, sequence.image_rows, (u, sigma, flags, missing), used)
