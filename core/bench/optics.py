@@ -30,13 +30,8 @@ class Lcd:
     focus_mm: float = 600.0  #: distance of best focus from the projection centre, along the axis
     exponent: float = 1.0  #: light is the level it was told to this power
 
-    def sigma_lines(self, depth_mm: ArrayLike) -> Array:
-        """Width of the blur at depths (any shape) before the projector: ``sqrt(s0² + (k |Zf / Z - 1|)²)``."""
-        e = np.abs(self.focus_mm / np.asarray(depth_mm, np.float64) - 1)
-        return np.hypot(self.blur_lines, self.defocus_lines * e)
-
     def table_sigmas(self) -> Array:
-        """Give the widths that are tabulated, shape (WIDTHS,)."""
+        """Give the widths of the blur that are tabulated, ``sqrt(s0² + (k |Zf / Z - 1|)²)``, shape (WIDTHS,)."""
         e = (np.arange(WIDTHS) + 0.5) * DEFOCUS_STEP
         return np.hypot(self.blur_lines, self.defocus_lines * e)
 

@@ -39,11 +39,6 @@ class Solution:
         """vᵀPv."""
         return self.convergence[-1]
 
-    @property
-    def iterations(self) -> int:
-        """Number of iterations."""
-        return len(self.convergence) - 1
-
 
 class NotConvergedError(Exception):
     """The iterations ended without a solution: where they stood, and vᵀPv at every iteration."""

@@ -33,7 +33,6 @@ class Latency:
     sigma_s: float  # of the mean
     most_s: float  # the latest that was certainly enough
     between_s: float  # two images, r.m.s.
-    flashes: int
 
     @property
     def enough_s(self) -> float:
@@ -106,4 +105,4 @@ def measure_latency(projector: Projector, camera: Camera, flashes: int = 20, che
     spread = float(np.var(middle, ddof=1))
     jitter = float(np.sqrt(max(spread - between**2 / 12, 0.0)))
     sigma = float(np.sqrt(spread / flashes))
-    return Latency(float(middle.mean()), jitter, sigma, float(late.max()), between, flashes)
+    return Latency(float(middle.mean()), jitter, sigma, float(late.max()), between)

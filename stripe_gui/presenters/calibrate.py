@@ -36,7 +36,6 @@ class DeviceResiduals:
     point: tuple[str, ...]
     station_id: tuple[StationId, ...]  # the same, empty where they are none of a project's
     point_id: tuple[TargetId, ...]
-    redundancy: Array  # (n, 2)
 
     def describe(self, index: int) -> str:
         du, dv = self.residual[index]
@@ -141,7 +140,6 @@ def residual_sets(adjustment: Adjustment) -> tuple[DeviceResiduals, ...]:
                 tuple(map(str, points[rows])),
                 tuple(network.station_ids[network.observation_station[i]] for i in rows if network.station_ids),
                 tuple(network.point_ids[network.observation_point[i]] for i in rows if network.point_ids),
-                adjustment.redundancy_numbers[rows],
             )
         )
     return tuple(found)

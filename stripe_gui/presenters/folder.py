@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from core.errors import StripeError
 from core.lazy import dataclass
-from core.model import Capture, Project, Seed
+from core.model import Capture, Project
 from core.pipeline.runs import calibration_file
 from core.project import load_archive, read_capture, read_project
 
@@ -29,11 +29,6 @@ class CaptureEntry:
     @property
     def name(self) -> str:
         return self.folder.name
-
-    @property
-    def seeds(self) -> tuple[Seed, ...]:
-        """The picks, none where the capture cannot be read."""
-        return self.capture.seeds if self.capture else ()
 
     @property
     def angle_deg(self) -> float | None:

@@ -33,10 +33,8 @@ class Cover:
 
     #: its place in the plan: x along the base, y from the object plane (0) away; the object's middle is the origin
     at_mm: tuple[float, float]
-    #: field_mm, angle_deg: width and height of its field square to its axis at the working distance, and the angles
-    #: they span
+    #: width and height of its field square to its axis at the working distance
     field_mm: tuple[float, float]
-    angle_deg: tuple[float, float]
     reach_mm: tuple[float, float]  #: where its outermost rays meet the object plane
     unit_mm: float  #: one pixel, or one line, at the working distance
 
@@ -127,7 +125,7 @@ def _cover(plan: RigPlan, device: DeviceSpec, azimuth: float) -> Cover:
     fields = tuple(2 * plan.distance_mm * tan(radians(angle / 2)) for angle in angles)
     edges = [at[0] - at[1] * tan(azimuth + sign * radians(angles[0] / 2)) for sign in (1, -1)]
     unit = max(device.pitch_mm) * plan.distance_mm / device.nominal_c_mm
-    return Cover(at, (fields[0], fields[1]), (angles[0], angles[1]), (min(edges), max(edges)), unit)
+    return Cover(at, (fields[0], fields[1]), (min(edges), max(edges)), unit)
 
 
 def _half_angle_deg(device: DeviceSpec, axis: int) -> float:

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QCoreApplication
 
 from core.lazy import dataclass
-
-if TYPE_CHECKING:
-    from core.pipeline.failures import StageFailure
 
 translate = QCoreApplication.translate
 STAGES = ("capture", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
@@ -29,10 +25,8 @@ class State(Enum):
 class StageStatus:
     """One stage: its state and why, in a sentence."""
 
-    stage: str
     state: State
     reason: str
-    failure: StageFailure | None = None
 
 
 def stage_name(stage: str) -> str:

@@ -13,7 +13,7 @@ from PySide6.QtCore import QCoreApplication
 
 from core.model import Method
 from core.pipeline import METHODS, ProjectStates
-from core.pipeline.failures import StageFailure, read_failures
+from core.pipeline.failures import read_failures
 from core.pipeline.graph import Graph
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import ProjectFolder
@@ -44,13 +44,12 @@ def statuses_of(folder: ProjectFolder, states: ProjectStates) -> dict[str, Stage
     found = {"capture": _capture(folder)}
     for stage, state in states.stages.items():
         each = [of[stage] for of in states.captures.values() if stage in of]
-        failure = failures.get(stage) if state.state == "failed" else None
         reason = causes(state.because) or _done_words(stage, len(each))
         if stage == "calibrate" and state.state == "current":
             reason = ", ".join(map(told, methods_of(folder)))
-        if state.state == "failed" and failure is None:
-            failure = StageFailure(reason, "", "")
-        found[stage] = StageStatus(stage, _STATES[state.state], failure.happened if failure else reason, failure)
+        if state.state == "failed" and stage in failures:
+            reason = failures[stage].happened
+        found[stage] = StageStatus(_STATES[state.state], reason)
     return found
 
 
@@ -87,11 +86,10 @@ def _capture(folder: ProjectFolder) -> StageStatus:
     entries = folder.captures()
     error = next((e.error for e in entries if e.error), None)
     if error is not None:
-        failure = StageFailure(f"{error.where}: {error.seen}", error.remedy)
-        return StageStatus("capture", State.FAILED, str(error), failure)
+        return StageStatus(State.FAILED, str(error))
     if not entries:
-        return StageStatus("capture", State.TODO, translate("Stages", "no captures yet"))
-    return StageStatus("capture", State.DONE, translate("Stages", "{n} captures").format(n=len(entries)))
+        return StageStatus(State.TODO, translate("Stages", "no captures yet"))
+    return StageStatus(State.DONE, translate("Stages", "{n} captures").format(n=len(entries)))
 
 
 def device_name(device: str) -> str:

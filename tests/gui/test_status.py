@@ -130,7 +130,7 @@ def test_a_failure_is_kept_until_the_stage_succeeds(project: Path) -> None:
     keep_failure(project, "calibrate", describe(InputError("testfield-03", "two picks on one target", "pick again")))
     status = stage_statuses(ProjectFolder(project))["calibrate"]
     assert status.state is State.FAILED
-    assert status.failure.remedy == "pick again"
+    assert read_failures(project)["calibrate"].remedy == "pick again"
     clear_failure(project, "calibrate")
     assert states(project)["calibrate"] is State.TODO
 
