@@ -300,7 +300,6 @@ def _failed(name: str, error: BaseException) -> Outcome:
 
 
 def _client(scheduler: str) -> Client:
-    """Connect to a scheduler."""
     try:
         from distributed import Client
     except ImportError as error:

@@ -285,7 +285,6 @@ class Screens:
         worker.join()
 
     def open(self, number: int) -> ScreenSurface:
-        """Open a window over screen `number`."""
         return ScreenSurface(self._courier, number)
 
 

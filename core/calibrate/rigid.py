@@ -48,7 +48,6 @@ class RigidityTest:
         return self.statistic <= self.critical or self.drift_sigmas <= NEGLIGIBLE
 
     def __str__(self) -> str:
-        """Say the result in words."""
         verdict = "the rig was rigid" if self.rigid else "the rig was not rigid"
         return (
             f"{verdict}: F = {self.statistic:.2f}, critical value {self.critical:.2f}; one orientation for all poses "

@@ -205,7 +205,6 @@ class Dialogue:
 
     @property
     def up(self) -> Link:
-        """The line."""
         if self._link is None:
             raise LineDownError(self.name, "the line is closed", "open the projector again")
         return self._link

@@ -224,7 +224,6 @@ def _missing_pairs(evaluations: tuple[PlaneEvaluation, ...]) -> list[str]:
 
 
 def _measured(evaluations: tuple[PlaneEvaluation, ...], method: Method) -> list[PlaneEvaluation]:
-    """Give the evaluations by a method that have a result."""
     return [e for e in evaluations if e.method == method and e.n > 0 and np.isfinite(e.rms_mm)]
 
 

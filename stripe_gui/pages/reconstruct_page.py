@@ -95,7 +95,6 @@ class ReconstructPage(MapPage):
         return entry is not None and entry.capture is not None and self.method.currentData() is not None
 
     def export(self) -> None:
-        """Ask where to, and write the points there."""
         name, method = self.session.capture_name, self.method.currentData()
         start = Path.home() / f"{name}.ply"
         kinds = self.tr("Point clouds (*.ply *.xyz *.npz)")
@@ -142,7 +141,6 @@ class ReconstructPage(MapPage):
 
     @property
     def _of_all(self) -> bool:
-        """Whether the points of all cameras are looked at."""
         return self.kind.currentData() in JOINT_KINDS
 
     @property

@@ -32,7 +32,6 @@ class CaptureEntry:
 
     @property
     def angle_deg(self) -> float | None:
-        """The angle of a plane, None where it is not known."""
         return self.capture.angle_deg if self.capture else None
 
     @property

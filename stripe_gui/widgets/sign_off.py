@@ -90,7 +90,6 @@ class SignOffForm(QWidget):
         )
 
     def tolerance(self) -> Tolerance | None:
-        """Give the tolerance, if there is to be one."""
         return Tolerance(self.limit.value(), self.of.currentData()) if self.with_tolerance.isChecked() else None
 
     def _judge(self) -> None:

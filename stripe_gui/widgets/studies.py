@@ -109,7 +109,6 @@ class NextPose(Study):
         super().__init__(bench, self.tr("Next poses"), about, self.tr("Find the best poses"), next_pose_figures)
 
     def show_answer(self, found: list[dict[str, Any]]) -> None:
-        """Show the poses in their order."""
         self.table.show_table(next_pose_table(found))
 
     @property

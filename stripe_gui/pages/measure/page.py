@@ -277,7 +277,6 @@ class MeasurePage(Page):
             self._show_marks(move=True)
 
     def choose_number(self, index: int) -> None:
-        """Choose one of the targets asked for by its number."""
         if self.model is not None and index < len(self.model.wanted):
             self.choose(self.model.wanted[index])
 

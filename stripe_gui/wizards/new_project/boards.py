@@ -177,11 +177,9 @@ class BoardStep(QWidget):
         return self.board.testfield if self.wanted.isChecked() else None
 
     def problem(self) -> str:
-        """Say what is wrong; empty if nothing is."""
         return self.board.problem if self.wanted.isChecked() else ""
 
     def show_rig(self, rig: RigView | None) -> None:
-        """Say what the board is to a rig."""
         self._rig = rig
         self._say()
 
@@ -290,7 +288,6 @@ class ScaleStep(QWidget):
         self._typed()
 
     def problem(self) -> str:
-        """Say what is wrong; empty if nothing is."""
         if not self.wanted.isChecked() or self._board.testfield is None:
             return ""
         return scale_problem(self._board.testfield, self.scale())

@@ -54,7 +54,6 @@ class PlaceStep(QWidget):
         self.folder.setText(folder)
 
     def problem(self) -> str:
-        """Say what is wrong; empty if nothing is."""
         return place_problem(self.name.text(), self.folder.text())
 
     def _follow(self, name: str) -> None:
@@ -168,7 +167,6 @@ class RigStep(QWidget):
         return RigPlan(self.camera.spec(), self.projector.spec(), self.distance.value(), self.base.value())
 
     def problem(self) -> str:
-        """Say what is wrong; empty if nothing is."""
         return self._problem
 
     def _take_preset(self, index: int) -> None:
