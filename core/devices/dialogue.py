@@ -13,11 +13,12 @@ from core.devices.framing import unwrap, wrap
 from core.devices.link import LineDownError, Link
 from core.devices.profile import MEANINGS, Profile, Step
 from core.devices.protocol import Check, Note, no_check, no_note, wait_until
-from core.devices.template import Value, Values, calculated, takes_anything
+from core.devices.template import Value, Values, calculated, room_of, takes_anything
 from core.errors import DeviceError, NotThereError
 
 _REOPEN_S = 3.0  # for a line to come back
 _SHOWN_BYTES = 24  # of an answer that cannot be read
+_TAGS = 250  # different ones, or as many as the commands have room for
 
 
 class EmptyError(DeviceError):
@@ -46,6 +47,8 @@ class Dialogue:
         self.asked, self.repeats, self.answered = 0, 0, False
         self.sent, self.heard = b"", bytearray()
         self._buffer, self._tag = bytearray(), 0
+        sent = [step.send for steps in profile.commands.values() for step in steps if step.send is not None]
+        self._tags = min([_TAGS, *(room for each in sent if (room := room_of(each, "tag")) is not None)])
         try:
             self._link: Link | None = Link(url, profile.port)
         except LineDownError as error:
@@ -100,7 +103,9 @@ class Dialogue:
                 self.repeats += 1
                 self.note(self.name, f"{command}: {reason}, try {attempt + 1}")
             self.asked += 1
-            self._tag = self._tag if step.send is None else self._tag % 250 + 1  # what comes unasked has the last one
+            self._tag = (
+                self._tag if step.send is None else self._tag % self._tags + 1
+            )  # what comes unasked has the last one
             sent = {**values, "tag": self._tag}
             self.sent, self.heard = b"", bytearray()
             if step.send is not None:

@@ -44,6 +44,11 @@ class Template(Protocol):
     """A command or an answer with fields."""
 
     @property
+    def text(self) -> str:
+        """As the profile has it."""
+        ...
+
+    @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields, in their order."""
         ...
@@ -290,6 +295,24 @@ def make_template(
         if one is not None and not one[3] and one[1] not in (*lengths, "text"):
             raise InputError(where, f"field {token!r}", f"give its width, as in {{{one[1]}:u8}}")
     return ByteTemplate(text, lengths, words or {})
+
+
+def room_of(template: Template, name: str) -> int | None:
+    """Give the largest number for which a template has room in a field, None without a width.
+
+    Examples
+    --------
+    >>> room_of(TextTemplate("{tag:02d} SHOW {slot}"), "tag")
+    99
+    """
+    for m in _FIELD.finditer(template.text):
+        digits, form = re.fullmatch(r"(\d+)([dxX])", m[3] or ""), m[3] or ""
+        if (m[1], m[2]) != (name, "") or not (digits or _WIDTH.fullmatch(form)):
+            continue
+        if digits:
+            return int((10 if digits[2] == "d" else 16) ** int(digits[1])) - 1
+        return int(2 ** int(form.removeprefix("u").removesuffix("le"))) - 1
+    return None
 
 
 def takes_anything(template: Template) -> bool:

@@ -507,6 +507,31 @@ def test_an_answer_that_says_something_else_is_told_with_both(own) -> None:
         talk.close()
 
 
+class TwoDigits(Device):
+    """Lines of a fixed form, ``nn S kk``: columns 0 and 1 are a number that it repeats, 5 and 6 the slot."""
+
+    def take(self, buffer: bytearray) -> Iterator[bytes]:
+        while (end := buffer.find(b"\r")) >= 0:
+            yield buffer[:2] + (b" K " + buffer[5:7] if buffer[2:5] == b" S " else b" ??") + b"\r"
+            del buffer[: end + 1]
+
+
+def test_tags_have_no_more_digits_than_the_device_has_room_for(own) -> None:
+    """From the hundredth command on the tag had three: the device understood none of them."""
+    text = PROMPTING.replace(
+        'answer_ending = "\\r\\n"\ncheck = "sum8"\ncheck_mark = "*"\nprompt = "> "\necho = true\n', ""
+    )
+    text = text.replace('start = "$"\n', "").replace("= 500", "= 40")
+    text = text.replace(
+        '"S{slot:03d}"\nexpect = "A{slot:03d}"', '"{tag:02d} S {slot:02d}"\nexpect = "{tag:02d} K {slot:02d}"'
+    )
+    with plugged(TwoDigits()) as port:
+        talk = Dialogue(port, read_profile(own(text)))
+        for _ in range(101):
+            talk.do("select", once=True, slot=7)
+        talk.close()
+
+
 def test_a_device_that_an_edge_would_reset_is_opened_without_one(own, monkeypatch: pytest.MonkeyPatch) -> None:
     set_, text = [], PROMPTING.replace("[device]", "[port]\ndtr = false\n[device]")
 
