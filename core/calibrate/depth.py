@@ -110,14 +110,14 @@ def calibrate_depth(
     least = _check(camera, planes, options)
     depths = np.array([plane.z_mm for plane in planes])
     progress(0.0, "orienting the camera by the plate")
-    oriented = _orient(camera, testfield, planes, options, interior)
+    oriented = _orient(camera, testfield, planes, interior)
     if adjusted is not None:
-        by_adjusted = _orient(camera, adjusted, planes, options, interior)
+        by_adjusted = _orient(camera, adjusted, planes, interior)
         if by_adjusted.rms_px < CLEARLY * oriented.rms_px:
             testfield, oriented = adjusted, by_adjusted
     if recentred is not None and testfield is not None:
         again = [_recentred(plane, recentred, testfield, camera, oriented) for plane in planes]
-        oriented = _orient(camera, testfield, again, options, interior)
+        oriented = _orient(camera, testfield, again, interior)
     axis = choose_axis([plane.phase for plane in planes]) if options.axis == "auto" else options.axis
     measured = np.stack([plane.phase.u if axis == "u" else plane.phase.v for plane in planes])
     if not np.isfinite(measured).any():
@@ -209,7 +209,6 @@ def _orient(
     camera: DeviceSpec,
     testfield: Testfield | None,
     planes: Sequence[DepthPlane],
-    options: DepthOptions,
     interior: tuple[Interior, Array] | None,
 ) -> PlateCamera:
     seen = []

@@ -95,7 +95,7 @@ def _softer(patterns: tuple[Pattern, ...], lines: int) -> Array | None:
 
 
 @lru_cache(maxsize=96)
-def _words(patterns: tuple[Pattern, ...], axis: Axis, lines: int) -> int:
+def _words(patterns: tuple[Pattern, ...], lines: int) -> int:
     """How many lines or cells the code frames among patterns tell apart."""
     bright = looks(patterns, lines)[0][[isinstance(p, Code) for p in patterns]] > 0.5
     return len(distinct(2.0 ** np.arange(len(bright)) @ bright))
@@ -109,7 +109,7 @@ def _waves_disagree(seen: Array, patterns: Sequence[Pattern], looked: Looked) ->
     if coded:
         possible, at = looks(tuple(patterns), looked.lines)
         cell = min(p.cell for p in patterns if isinstance(p, Code))
-        if _words(tuple(patterns), looked.axis, looked.lines) * cell < looked.lines:
+        if _words(tuple(patterns), looked.lines) * cell < looked.lines:
             cell = 0  # a frame was left out for a trial: the others do not tell all cells apart
         best = nearest_within(seen[coded], possible[coded], looked.limit)[1]
         number = np.floor((at[best] + 0.25) / max(cell, 1))

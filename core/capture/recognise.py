@@ -166,7 +166,7 @@ def _order(
     """Find the frames of one axis' patterns: how badly the pixels fit, and the frame of every pattern."""
     mine = [i for i, p in enumerate(patterns) if axis_of(p) == axis]
     count = lines[axis == "y"]
-    search = _Search.of(stack, frames, [patterns[i] for i in mine], axis, count)
+    search = _Search.of(stack, frames, [patterns[i] for i in mine], count)
     edges = strips.along_columns if (axis == "y") != turned else strips.along_rows
     shown = [int(np.count_nonzero(np.diff(brightness(patterns[i], np.arange(count)) > 0.5))) for i in mine]
     # from frames with few edges to those with many; `order[j]` is the frame (of this axis') that shows pattern j
@@ -230,7 +230,7 @@ class _Search:
     at: NDArray[np.intp]
 
     @staticmethod
-    def of(stack: Array, frames: list[int], patterns: list[Pattern], axis: Axis, count: int) -> _Search:
+    def of(stack: Array, frames: list[int], patterns: list[Pattern], count: int) -> _Search:
         part = stack[frames]
         high, low = part.max(axis=0), part.min(axis=0)
         lit = high - low > 0.5 * quantile_of(high - low, 0.98)

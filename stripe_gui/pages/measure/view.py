@@ -94,7 +94,7 @@ def picking_view(model: Picking, camera: DeviceSpec) -> PickingView:
     marks = Marks(picks, labels, guessed, grid, sizes, excluded=excluded)
     if targets is not None and view is not None:
         marks, places = _measured_marks(marks, places, model, targets, view, camera)
-    rows = _rows(model, targets, places)
+    rows = _rows(model, targets)
     return PickingView(marks, places, *rows, _legend(model, marks, measurement), told(problem))
 
 
@@ -149,9 +149,7 @@ def _label(model: Picking, target: Target) -> str:
     return str(model.wanted.index(target) + 1) if target in model.wanted else ""
 
 
-def _rows(
-    model: Picking, targets: TargetSet | None, places: dict[Target, tuple[float, float]]
-) -> tuple[tuple[Target, ...], Table]:
+def _rows(model: Picking, targets: TargetSet | None) -> tuple[tuple[Target, ...], Table]:
     """List the targets: excluded ones, missing ones with the reason, measured ones."""
     columns = (
         translate("Picking", "row"),
