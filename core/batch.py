@@ -22,6 +22,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Literal
 
+from core.atomic import is_leftover
 from core.errors import InputError, StripeError
 from core.fields import kept_object, text_of
 from core.figures import evaluation_figures, phase_figures
@@ -35,6 +36,8 @@ from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from core.project import read_capture, read_project, save_archive, write_json
 from core.project.contents import Contents, contents_of, hash_value
+from core.project.lock import lock
+from core.project.made import FILE as MADE
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -128,10 +131,22 @@ def run_batch(
                 outcomes[outcome.capture] = outcome
                 progress(0.02 + 0.98 * done / len(jobs), f"{done} of {len(jobs)}: {outcome.capture} {outcome.state}")
     finally:
+        for job in () if scheduler else jobs:
+            _sweep(job.out)
         report = BatchReport(tuple(outcomes.values()), time.monotonic() - started)
         write_json(out / "summary.json", report.figures())
     progress(1.0, "the batch is done")
     return report
+
+
+def _sweep(out: Path) -> None:
+    """Remove what copies of this process were writing when they were ended."""
+    for part in out.glob(".*.part"):
+        if is_leftover(part):
+            part.unlink(missing_ok=True)
+    if (path := out / f"{MADE}.lock").exists():
+        with suppress(StripeError), lock(path, "batch"):
+            pass  # it goes with its holder
 
 
 # ------------------------------------------------------------------------------------------------ what is to be done

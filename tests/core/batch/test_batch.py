@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.batch import run_batch
+from core.atomic import part_prefix
+from core.batch import Outcome, run_batch
 from core.cli import main
 from core.errors import Cancelled, InputError
 from core.pipeline import decode_capture, evaluate_project, reconstruct_capture
 from core.progress import Progress
 from core.project import read_image, read_project, write_image
+from core.project.made import FILE as MADE
 from tests.copies import own
 
 
@@ -56,7 +58,8 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 COPIES = """
 import sys
 from pathlib import Path
-from core.batch import run_batch
+from core.atomic import part_prefix
+from core.batch import Outcome, run_batch
 from core.parallel import limit_threads
 from core.project import read_project
 
@@ -157,6 +160,25 @@ def test_cancelling_keeps_what_is_complete(scheduler: str, quick: Path, tmp_path
     report = run_batch(project, out, steps=["decode"], scheduler=scheduler)
     assert report.count("left") >= states.count("done")
     assert report.count("left") + report.count("done") == len(project.captures)
+
+
+def test_cancelling_leaves_nothing_of_what_copies_were_writing(
+    quick: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gone, out = str(2**22 + 1), tmp_path / "out"  # no process has this number
+
+    def ended(*_: object) -> Iterator[Outcome]:
+        there = out / "testfield-01"
+        there.mkdir(parents=True)
+        (there / (part_prefix("phase.npz").replace(str(os.getpid()), gone) + "1.part")).write_bytes(b"half")
+        (there / f"{MADE}.lock").write_text(f'{{"pid": {gone}}}')
+        yield Outcome("testfield-01")
+        raise Cancelled("the command")
+
+    monkeypatch.setattr("core.batch.on_processes", ended)
+    with pytest.raises(Cancelled):
+        run_batch(read_project(quick), out, steps=["decode"], workers=2)
+    assert [path.name for path in out.rglob("*") if path.is_file()] == ["summary.json"]
 
 
 @pytest.mark.parametrize(
