@@ -22,7 +22,7 @@ from core.decode.sample import full_scale, take_sample
 from core.decode.tables import Array, Singles
 from core.errors import InputError
 from core.numerics import quantum, sigma_by_median
-from core.patterns import Axis, Pattern, axis_of, use_of
+from core.patterns import Axis, Pattern, axis_of, brightness, cycle_lines, use_of
 
 DEEPEST = 65535
 FINEST = 16  # steps that one grey value is divided into
@@ -32,6 +32,10 @@ FEWEST, RANGE = 200, 8.0  # pixels that tell how exposures compare; standard dev
 OTHER = 0.08  # part by which the light of an exposure differs that is told
 DIFFERENT = 0.4  # the same of two frames of one exposure, as a logarithm: no lamp flickers that much
 FEW = 3  # frames that are named one by one
+FINE, HALF, LIT, MOST = 64, 0.1, 0.5, 0.8  # lines of which fine stripes light half, to this part; part of the usual
+# swing that lit pixels have; part of these that must not be saturated
+LONGER, ALIKE = 1.8, 1.1  # times that exposures differ by at least; those of the same stripes
+FOLLOWED = 0.15, 0.2  # power of the exposure by which light grows, 1, or 0.2 by a camera's gamma; of unlike stripes
 OUTLIER, ROUNDS = 4.0, 3  # standard deviations
 
 
@@ -116,6 +120,8 @@ def fuse_exposures(
     classes = classes[np.append(True, classes[1:] < (1 - SAME) * classes[:-1])]
     own = [int(np.argmin(np.abs(classes - e))) for e in known]
     _check_alike(list(groups.values()), own, classes, sample, full, where)
+    if all(len({own[n] for n in numbers}) == 1 for numbers in groups.values()):
+        _check_followed(patterns, known, sample, full, where)
     light, ground, residual, level = _compare(list(groups.values()), own, classes, sample, full)
     raw = estimate_noise(residual, level, quantum(sample) if images[0].itemsize > 1 else 1.0) if len(level) else None
     gains = light / light.max()
@@ -148,6 +154,41 @@ def _check_alike(
             if told is not None and abs(np.log(abs(told[0]))) > DIFFERENT:
                 seen = f"frame {other} has {told[0]:.3g} times the light of frame {n}, of one pattern, both"
                 raise InputError(where, f"{seen} of {classes[own[n]]:g} ms", 'correct "exposure_ms" or pattern of one')
+
+
+def _check_followed(
+    patterns: Sequence[Pattern], exposures_ms: Sequence[float], sample: Singles, full: float, where: str
+) -> None:
+    """Refuse exposures that the frames of fine stripes do not follow, each half lit, by mean nor by contrast.
+
+    An offset of the camera lets the mean grow less than the exposure, and other stripes change the contrast: only both
+    together tell, and frames of the same stripes alone where these have several exposures.
+    """
+    kinds = [(axis_of(p), use_of(p), cycle_lines(p)) for p in patterns]
+    parts = [brightness(p, np.arange(8 * FINE)).reshape(8, FINE).mean(axis=1) for p in patterns]
+    fine = [n for n, part in enumerate(parts) if kinds[n][0] is not None and np.ptp([*part, 0.5]) < HALF]
+    if len(fine) < FEW or full <= 0:
+        return
+    seen = sample[fine]
+    swing = np.ptp(seen, axis=0)
+    seen = seen[:, swing > LIT * np.quantile(swing, 0.95)].astype(float)
+    whole = seen.max(axis=0) < full
+    if np.count_nonzero(whole) < max(FEWEST, MOST * len(whole)):
+        return
+    seen = seen[:, whole]
+    low, high = np.quantile(seen, (0.05, 0.95), axis=1)
+    told = np.log([[exposures_ms[n] for n in fine], np.maximum(seen.mean(axis=1), TINY), high - low + TINY])
+    apart = told - told.mean(axis=1, keepdims=True)
+    within = told.copy()
+    for kind in set(kinds):
+        same = np.array([kinds[n] == kind for n in fine])
+        within[:, same] -= within[:, same].mean(axis=1, keepdims=True) if same.any() else 0.0
+    alike = np.ptp(within[0]) > np.log(ALIKE)
+    apart, longer, followed = (within, ALIKE, FOLLOWED[0]) if alike else (apart, LONGER, FOLLOWED[1])
+    if np.ptp(apart[0]) <= np.log(longer) or (apart[1:] @ apart[0]).max() >= followed * (apart[0] @ apart[0]):
+        return
+    seen_ms = f"goes from {min(exposures_ms):g} to {max(exposures_ms):g} ms, but the frames' light does not follow it"
+    raise InputError(f"{where}, exposure_ms", seen_ms, "correct it in capture.json, or leave it out of all frames")
 
 
 def _compare(

@@ -11,7 +11,7 @@ from core.decode import decode
 from core.decode.exposures import fuse_exposures
 from core.decode.options import DecodeOptions
 from core.errors import InputError
-from core.patterns import Black, White, gray_and_phase
+from core.patterns import Black, White, gray_and_phase, use_of
 
 N = 640
 PATTERNS = [*gray_and_phase("x", N, cell=8, periods=[16]), White(), Black()]
@@ -114,3 +114,26 @@ def test_an_exposure_that_is_missing_is_named(bench) -> None:
     _, patterns, images, exposures = exposed(bench)
     with pytest.raises(InputError, match='frame 3: no "exposure_ms"'):
         decode(patterns, images, lines=(N, N), exposures_ms=[*exposures[:3], None, *exposures[4:]])
+
+
+VARIED = {
+    "every second": lambda n: 10.0 * (1 + n % 2),
+    "a number that counts up": lambda n: 10.0 + n,
+    "the phases alone": lambda n: 10.0 if use_of(PATTERNS[n]) == "phase" else 30.0,
+    "a single frame": lambda n: 40.0 if n == 7 else 10.0,
+}
+
+
+@pytest.mark.parametrize("given", VARIED.values(), ids=VARIED)
+@pytest.mark.parametrize("offset", [0.0, 15.0])
+def test_exposures_that_the_light_does_not_follow_are_refused(bench, judge, given, offset: float) -> None:
+    """Without two exposures of one pattern nothing else tells; light that does follow them is taken as it is."""
+    times = [given(n) for n in range(len(PATTERNS))]
+    b = replace(bench(height=60, blur=1.0), dark=0.5, shot=0.02)
+    followed = [
+        replace(b, ambient=offset + 0.2 * ms, gain=4 * ms, seed=n).take(PATTERNS)[n] for n, ms in enumerate(times)
+    ]
+    assert judge(decode(PATTERNS, followed, lines=(N, N), exposures_ms=times), b.u, 8).valid > 0.9
+    alike = replace(b, ambient=offset + 4, gain=80, seed=0).take(PATTERNS)
+    with pytest.raises(InputError, match="ms, but the frames' light does not follow it"):
+        decode(PATTERNS, alike, lines=(N, N), exposures_ms=times)
