@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from core.errors import InputError
 from core.fields import Fields
-from core.geometry import LENSES, Lens
+from core.geometry import LENSES, Lens, distort, lens_of
 from core.model import DeviceSpec, Interior, Rig, ScaleBar
 
 MOST_PIXELS = 1_000_000  # along one side of a device
 MOST_FIELD_DEG = 170.0  # along a side: no lens that maps planes sees more
-OTHER_C, MOST_OFF = 20.0, 5.0  # times the nominal c, sides of the image off its middle: such values are no mm
+OTHER_C, MOST_OFF = 4.0, 5.0  # times the nominal c, sides of the image off its middle: another device's, or no mm
+MOST_BENT = 1.0  # of the way from the middle to a corner, by which a lens may move that corner
 MOST_UNSURE = 0.2  # sigma of a length as a share of it: the scale that this gives would be called not estimable
 KINDS = ("camera", "projector")
 
@@ -70,7 +73,7 @@ def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, 
             unknown[0], given.data[unknown[0]], f"name parameters of {lens.name}: {', '.join(lens.keys)}"
         )
     if not 1 / OTHER_C < values[0] / spec.nominal_c_mm < OTHER_C:
-        remedy = f"nominal_c_mm is {spec.nominal_c_mm:g}: give both in mm, not px or m"
+        remedy = f"nominal_c_mm is {spec.nominal_c_mm:g}: give both of this device and in mm, not px or m"
         raise InputError(fields.where, f"c_mm is {values[0]:g}", remedy)
     sides = spec.width * spec.pitch_mm[0], spec.height * spec.pitch_mm[1]
     for key, off, side in zip(("x0_mm", "y0_mm"), values[1:3], sides, strict=True):
@@ -78,7 +81,27 @@ def _interior(fields: Fields, spec: DeviceSpec) -> tuple[Interior, tuple[float, 
             remedy = f"the image measures {side:.3g} mm: give the principal point in mm from its middle, not in px"
             raise InputError(fields.where, f"{key} is {off:g}", remedy)
     r0 = fields.real("r0_mm", least=0.0, default=spec.zero_radius_mm)
-    return Interior(values[0], values[1], values[2], tuple(values[3:]), r0, lens.name), tuple(sigmas)
+    interior = Interior(values[0], values[1], values[2], tuple(values[3:]), r0, lens.name)
+    _check_distortion(fields.where, interior, sides)
+    return interior, tuple(sigmas)
+
+
+def _check_distortion(where: str, interior: Interior, sides: tuple[float, float]) -> None:
+    """Refuse parameters that throw the corners of the image about; the one that alone does most of it is named."""
+    lens, corner = lens_of(interior), float(np.hypot(*sides)) / 2
+    xy = np.array([[x, y] for x in (-0.5, 0.5) for y in (-0.5, 0.5)]) * sides
+
+    def moved(a: Sequence[float]) -> float:
+        off = distort(replace(interior, x0_mm=0.0, y0_mm=0.0, a=tuple(a)), xy) - xy
+        return float(np.linalg.norm(off, axis=1).max())
+
+    if (far := moved(interior.a)) <= MOST_BENT * corner:
+        return
+    alone = [moved([a if k == j else 0.0 for j in range(len(interior.a))]) for k, a in enumerate(interior.a)]
+    worst = alone.index(max(alone))
+    seen = f"{lens.keys[3 + worst]} is {interior.a[worst]:g}: a corner of the image, {corner:.3g} mm from its middle"
+    remedy = "correct it, and see the units of the lens's parameters"
+    raise InputError(where, f"{seen}, would be moved by {far:.3g} mm", remedy)
 
 
 def _response(fields: Fields) -> tuple[tuple[float, float], ...]:

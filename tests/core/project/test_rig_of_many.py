@@ -75,6 +75,8 @@ def test_short_and_long_form_together(tmp_path: Path) -> None:
         ({"camera": entry(interior={"model": "fish"}), "projector": entry()}, "model is 'fish'"),
         ({"camera": entry(interior={"sigma": {"k1": 1}}), "projector": entry()}, "name parameters of A1..A6"),
         ({"camera": entry(interior={"c_mm": 1200.0}), "projector": entry()}, "c_mm is 1200; nominal_c_mm is 12"),
+        ({"camera": entry(interior={"c_mm": 182.0}), "projector": entry()}, "give both of this device"),
+        ({"camera": entry(interior={"A2": 1e9, "A1": 0.001}), "projector": entry()}, "interior: A2 is 1e+09: a corner"),
         ({"camera": entry(interior={"x0_mm": 4.0}), "projector": entry()}, "the principal point in mm"),
         ({"camera": entry(interior={"A1": "x"}), "projector": entry()}, "A1 is 'x'"),
         ({"camera": entry(), "projector": entry(response=[[1, 0], [0, 1]])}, "rising levels"),
@@ -92,8 +94,11 @@ def test_what_is_wrong_with_a_rig_is_told(tmp_path: Path, keys: dict[str, Any], 
 
 def test_a_known_interior_orientation(tmp_path: Path) -> None:
     known = {"model": "brown", "c_mm": 12.3, "k1": -0.1, "sigma": {"c_mm": 0.01, "k1": 0}}
+    light = [[0, 0], [1, 0.9]]
     result = {"c_mm": {"value": 180.0, "sigma": 0.02}, "A1": {"value": 1e-6, "sigma": 0.0}, "r0_mm": 20.0, "hold": True}
-    project_json(tmp_path, camera=entry(interior=known), projector=entry(interior=result, response=[[0, 0], [1, 0.9]]))
+    project_json(
+        tmp_path, camera=entry(interior=known), projector=entry(nominal_c_mm=182, interior=result, response=light)
+    )
     project = read_project(tmp_path)
     camera, projector = project.camera, project.projector
     assert camera.interior is not None
