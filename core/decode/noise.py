@@ -131,11 +131,11 @@ def _within(numbers: Numbers, design: Array, count: int) -> Array:
     return found
 
 
-def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
+def estimate_noise(residual: Array, level: Array, quantum: float, darkest: float = np.inf) -> Noise:
     """Fit the noise model to residuals (n,): combinations of grey values, of unit norm, that should be zero.
 
     `level` is the grey value at which each is taken: the mean of the frames, weighted by the squared coefficients. The
-    noise is never taken below quantum² / 12.
+    noise is never taken below quantum² / 12, nor to grow from nothing at a grey value above `darkest`, which is seen.
     """
     floor = quantum * quantum / 12
     if len(residual) < BINS:
@@ -143,7 +143,7 @@ def estimate_noise(residual: Array, level: Array, quantum: float) -> Noise:
     bins = min(len(residual) // LEAST, BINS) or 1
     by_level = np.argsort(level)[len(level) % bins :].reshape(bins, -1)
     variances = _robust_variances(residual[by_level], floor)
-    return _fit(variances, level[by_level].mean(axis=1, dtype=float), floor, by_level.shape[1])
+    return _fit(variances, level[by_level].mean(axis=1, dtype=float), floor, by_level.shape[1], darkest)
 
 
 def robust_variance(residual: Array) -> float:
@@ -164,7 +164,7 @@ def _robust_variances(residual: Array, floor: float) -> Array:
     return variance
 
 
-def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
+def _fit(variance: Array, level: Array, floor: float, number: int, darkest: float) -> Noise:
     """Weighted straight line through variances of so many residuals each; level where no slope is shown.
 
     The weights follow from the line itself: those from the variances found would favour what is small by chance.
@@ -180,7 +180,8 @@ def _fit(variance: Array, level: Array, floor: float, number: int) -> Noise:
         slope = float(away @ (variance - mean_variance)) / lever
         sigma = np.sqrt(2 / number * mean_variance**2 * total / lever / len(level))
         shown = lever > OWN * mean_variance * total and not -FALLING * sigma <= slope <= SHOWN * sigma
-        slope = slope if shown else 0.0
+        steepest = mean_variance / (mean_level - darkest) if darkest < mean_level else np.inf
+        slope = min(slope, steepest) if shown else 0.0
         noise = Noise(mean_variance - slope * mean_level, slope, least)
         weight = 1 / np.square(noise.variance(level))
     return noise
@@ -238,7 +239,8 @@ def without_harmonics(
 
 def _over_the_image(places: Array, number: float) -> Array:
     """How blur may differ over the image at `places`, (2, ...), shape (5, ...): none if so many pixels do not tell."""
-    field = quadratic(*places.reshape(2, -1)).T[1:].reshape(-1, *places.shape[1:])
+    x, y, *kinds = places.reshape(len(places), -1)
+    field = np.vstack([quadratic(x, y).T[1:], *kinds]).reshape(-1, *places.shape[1:])
     return field if number > EACH * (1 + 2 * len(_orders(field))) else field[:0]
 
 

@@ -65,9 +65,12 @@ def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
 
 
 def places_of(shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
-    """Where pixels lie in an image of a shape, x and y from -1 to 1, shape (2, ...)."""
+    """Where pixels lie in an image of a shape, x and y from -1 to 1, and in squares of two by two, where a mosaic of
+    colours has them: -1 or 1 by the column, the row and both, shape (5, ...)."""
     height, width = shape
-    return np.array(np.broadcast_arrays(2 * (columns + 0.5) / width - 1, 2 * (rows + 0.5) / height - 1))
+    right, below = 2.0 * (columns % 2) - 1, 2.0 * (rows % 2) - 1
+    x, y = 2 * (columns + 0.5) / width - 1, 2 * (rows + 0.5) / height - 1
+    return np.array(np.broadcast_arrays(x, y, right, below, right * below))
 
 
 def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
@@ -120,12 +123,12 @@ def measure_noise(
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
-        sample = _with_unlike_rows(sample, found, images, light)
+        sample, rows = _of_all_rows(sample, found, images, light)
         used = np.abs(found).max(axis=0) > 0
         fewest = BENT if bent else FEWEST
         every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // fewest))
         numbers = np.arange(len(used)) if bent else np.flatnonzero(used)
-        telling, places = _with_more_bright(sample, every, images, light, numbers)
+        telling, places = _with_more_bright(sample, rows, every, images, light, numbers)
         g = telling[used[numbers]]
         g_top = g.max(axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
@@ -133,6 +136,7 @@ def measure_noise(
         lit = swing > DIM * quantile_of(swing, 0.9)
         if np.count_nonzero(lit & (g_top < saturation)) < UNSATURATED < np.count_nonzero(lit & (g_top >= saturation)):
             return estimate_noise(*_smoothest(images, saturation, *BY_LEVEL), step)
+        lowest = float(telling.min())
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual, unlit = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g), 0.0
         level = np.einsum("kf,fn->kn", np.square(found[:, used]).astype(np.float32), g)
@@ -152,32 +156,37 @@ def measure_noise(
             whole = clear if np.count_nonzero(clear) >= FEWEST else whole
             residual, level = residual[:, whole], level[:, whole]
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
-            crude = estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)
+            crude = estimate_noise(residual.ravel(), level.ravel(), step, lowest)._replace(unlit=unlit)
             return _without_misfit(crude, residual.size, found, images, saturation, bent, step)
-        return estimate_noise(residual.ravel(), level.ravel(), step)._replace(unlit=unlit)
+        return estimate_noise(residual.ravel(), level.ravel(), step, lowest)._replace(unlit=unlit)
     if lines:
         return _sweep_noise(lines[0], sample, saturation, images)
     residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
 
 
-def _with_unlike_rows(sample: Singles, found: Array, images: Sequence[Image], light: Array | None) -> Singles:
-    """The sample; with every other row of it from one above, if it has even or odd rows alone and they are unlike.
+def _of_all_rows(
+    sample: Singles, found: Array, images: Sequence[Image], light: Array | None
+) -> tuple[Singles, NDArray[np.intp]]:
+    """The sample and its rows; every other one is the row above it, if it has even or odd ones alone that are unlike.
 
     They are where a colour camera's pixels were interpolated to grey, of which every column shows two kinds by turns.
     """
-    size = images[0].shape
-    rows, columns = spread(size)
-    if rows.step % 2:
-        return sample
-    above = np.stack([image[rows.start - 1 : size[0] - 1 : rows.step, columns] for image in images]).astype(np.float32)
+    part, columns = spread(images[0].shape)
+    rows = np.arange(len(images[0]))[part]
+    if part.step % 2:
+        return sample, rows
+    above = np.stack([image[rows - 1, columns] for image in images]).astype(np.float32)
     above = above if light is None else np.einsum("fg,gij->fij", light.astype(np.float32), above)
     here, factors = sample.reshape(above.shape), found.astype(np.float32)
-    own, others = (np.abs(np.einsum("kf,fij->kij", factors, part)) for part in (here, above))
-    if abs(np.mean(np.sign(others - own))) < UNLIKE:
-        return sample
+    own, others = (np.abs(np.einsum("kf,fij->kij", factors, each)) for each in (here, above))
+    oftener, level = np.sign(others - own).mean(axis=0), here.mean(axis=0)
+    bright = level > level.min() + BRIGHT * np.ptp(level)  # in the dark, whole grey values make all noise alike
+    if max(abs(oftener.mean()), abs(oftener[bright].mean())) < UNLIKE:
+        return sample, rows
+    rows[1::2] -= 1
     above[:, ::2] = here[:, ::2]
-    return above.reshape(sample.shape)
+    return above.reshape(sample.shape), rows
 
 
 def bent_squares(waves: Sequence[Wave], found: Array, sample: Singles, saturation: float) -> tuple[Wave, ...]:
@@ -216,14 +225,20 @@ def _unlit(waves: Sequence[Told], lit: NDArray[np.bool_], shown: Singles) -> NDA
 
 
 def _with_more_bright(
-    sample: Singles, every: int, images: Sequence[Image], light: Array | None, numbers: NDArray[np.intp]
+    sample: Singles,
+    rows: NDArray[np.intp],
+    every: int,
+    images: Sequence[Image],
+    light: Array | None,
+    numbers: NDArray[np.intp],
 ) -> tuple[Singles, Array]:
-    """Every so many pixels of some frames' sample, and their places; where few are bright, which show shot noise, with
-    neighbours."""
+    """Every so many pixels of some frames' sample, which is of such rows, and their places; where few are bright, which
+    show shot noise, with neighbours."""
     sample, size = sample[numbers], images[0].shape
     parts = spread(size)
-    rows, columns = (np.arange(n)[part] for n, part in zip(size, parts, strict=True))
-    places = places_of(size, rows[:, None], columns).reshape(2, -1)
+    columns = np.arange(size[1])[parts[1]]
+    places = places_of(size, rows[:, None], columns)
+    places = places.reshape(len(places), -1)
     level = sample.mean(axis=0)
     low, high = (quantile_of(level, share) for share in (0.005, 0.995))
     limit = low + BRIGHT * (high - low)
@@ -274,15 +289,19 @@ def _without_misfit(
             return whole
         places = places_of((height, width), np.arange(height)[rows, None], np.arange(width))
         residual, level = without_harmonics(residual, factors, g, waves, places, spatial_residual, good)
-        light = float(np.mean(np.square(np.abs(np.array([wave.seen for wave in waves])))))
+        light = np.mean(np.square(np.abs(np.array([wave.seen for wave in waves]))), axis=0)
     else:
-        light = float(np.mean(np.square(np.ptp(g, axis=0)))) / 4
+        light = np.square(np.ptp(g, axis=0)) / 4
         level = np.einsum("kf,frw->krw", np.square(factors), g)[..., 1:-1]
-    noise = estimate_noise(residual[:, good].ravel(), level[:, good].ravel(), step)
-    beyond = float(np.mean(whole.variance(level) - noise.variance(level)))
-    by_chance = CHANCE * float(np.mean(noise.variance(level))) * np.sqrt(2 / number) if bent else 0.0
-    misfit = beyond / max(light, 1.0) if beyond > by_chance else 0.0
-    return noise._replace(misfit=misfit, unlit=whole.unlit) if beyond > 0 or bent else whole
+    noise = estimate_noise(residual[:, good].ravel(), level[:, good].ravel(), step, float(g.min()))
+    weight = np.where(
+        good, np.square(light[:, 1:-1]), 0
+    )  # misfit grows with the light; where there is little, edges make more
+    own = np.average(noise.variance(level).mean(axis=0), weights=weight)
+    beyond = float(np.average(whole.variance(level).mean(axis=0), weights=weight) - own)
+    by_chance = CHANCE * own * np.sqrt(2 / number) if bent else 0.0
+    misfit = beyond / max(float(np.average(light[:, 1:-1], weights=weight)), 1.0) if beyond > by_chance else 0.0
+    return noise._replace(misfit=misfit, unlit=whole.unlit) if beyond > 0 else whole
 
 
 def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
