@@ -95,7 +95,7 @@ def test_every_room_is_in_the_reference() -> None:
         "demo",
         "batch",
         "figures",
-        "given",
+        "arrays",
         "resources",
         "numerics",
         "fields",
