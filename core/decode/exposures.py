@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from core.decode.frames import Image
 from core.decode.noise import TINY, Noise, estimate_noise
 from core.decode.options import DecodeOptions
-from core.decode.sample import full_scale, take_sample
+from core.decode.sample import full_scale, smoothest, take_sample
 from core.decode.tables import Array, Singles
 from core.errors import InputError
 from core.numerics import quantum, sigma_by_median
@@ -121,7 +121,7 @@ def fuse_exposures(
     own = [int(np.argmin(np.abs(classes - e))) for e in known]
     _check_alike(list(groups.values()), own, classes, sample, full, where)
     if all(len({own[n] for n in numbers}) == 1 for numbers in groups.values()):
-        _check_followed(patterns, known, sample, full, where)
+        _check_followed(patterns, known, images, sample, full, where)
     light, ground, residual, level = _compare(list(groups.values()), own, classes, sample, full)
     raw = estimate_noise(residual, level, quantum(sample) if images[0].itemsize > 1 else 1.0) if len(level) else None
     gains = light / light.max()
@@ -157,7 +157,12 @@ def _check_alike(
 
 
 def _check_followed(
-    patterns: Sequence[Pattern], exposures_ms: Sequence[float], sample: Singles, full: float, where: str
+    patterns: Sequence[Pattern],
+    exposures_ms: Sequence[float],
+    images: Sequence[Image],
+    sample: Singles,
+    full: float,
+    where: str,
 ) -> None:
     """Refuse exposures that the frames of fine stripes do not follow, each half lit, by mean nor by contrast.
 
@@ -187,6 +192,8 @@ def _check_followed(
     apart, longer, followed = (within, ALIKE, FOLLOWED[0]) if alike else (apart, LONGER, FOLLOWED[1])
     if np.ptp(apart[0]) <= np.log(longer) or (apart[1:] @ apart[0]).max() >= followed * (apart[0] @ apart[0]):
         return
+    if (high - low).min() < RANGE * sigma_by_median(smoothest(images, full)[0]):
+        return  # what is seen of so little light is the camera's offset and its noise
     seen_ms = f"goes from {min(exposures_ms):g} to {max(exposures_ms):g} ms, but the frames' light does not follow it"
     raise InputError(f"{where}, exposure_ms", seen_ms, "correct it in capture.json, or leave it out of all frames")
 

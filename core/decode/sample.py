@@ -135,7 +135,7 @@ def measure_noise(
         swing = np.ptp(telling[used[numbers]], axis=0)
         lit = swing > DIM * quantile_of(swing, 0.9)
         if np.count_nonzero(lit & (g_top < saturation)) < UNSATURATED < np.count_nonzero(lit & (g_top >= saturation)):
-            return estimate_noise(*_smoothest(images, saturation, *BY_LEVEL), step)
+            return estimate_noise(*smoothest(images, saturation, *BY_LEVEL), step)
         lowest = float(telling.min())
         # not by matrix product: for so little work its threads would only wait, and slow down the kernel's
         residual, unlit = np.einsum("kf,fn->kn", found[:, used].astype(np.float32), g), 0.0
@@ -350,10 +350,12 @@ def _smoothness(
             left = without_harmonics(residual[None], factors, shown, waves, places, spatial_residual)
             residual, level = (each[0] for each in left)
         return residual[good], level[good]
-    return _smoothest(images, saturation, *WHOLE)
+    return smoothest(images, saturation)
 
 
-def _smoothest(images: Sequence[Image], saturation: float, steps: int, least: float) -> tuple[Array, Array]:
+def smoothest(
+    images: Sequence[Image], saturation: float, steps: int = WHOLE[0], least: float = WHOLE[1]
+) -> tuple[Array, Array]:
     """Second differences along some rows, and their levels: in every step of levels of the frame smoothest there."""
     height = images[0].shape[0]
     best, found = np.full(steps, np.inf), [(np.zeros(0), np.zeros(0))] * steps

@@ -137,3 +137,12 @@ def test_exposures_that_the_light_does_not_follow_are_refused(bench, judge, give
     alike = replace(b, ambient=offset + 4, gain=80, seed=0).take(PATTERNS)
     with pytest.raises(InputError, match="ms, but the frames' light does not follow it"):
         decode(PATTERNS, alike, lines=(N, N), exposures_ms=times)
+
+
+def test_frames_of_hardly_any_light_are_not_taken_for_wrong_exposures(bench) -> None:
+    """Of 10 and 20 ms they show the camera's offset and noise, and 3 grey values of stripes at most."""
+    times = [20.0 if use_of(p) == "phase" else 10.0 for p in PATTERNS]
+    b = replace(bench(height=60), dark=0.5, shot=0.02)
+    images = [replace(b, ambient=8 + 0.02 * ms, gain=0.15 * ms, seed=n).take(PATTERNS)[n] for n, ms in enumerate(times)]
+    phase = decode(PATTERNS, images, lines=(N, N), exposures_ms=times)
+    assert np.isfinite(phase.u).mean() < 0.01
