@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from core.measure.rays import Rays
 from core.model import Array, Floats
-from core.numerics import median_of
+from core.numerics import median_of, quantum
 
-UNLIKE = 0.005  # of their gain, by which pixels of a mosaic differ at least
+UNLIKE = 0.15  # of their gain, by which pixels of a mosaic differ at least; small dots on an even raster show 0.12
 BLOCKS = 2, 4  # px: sides of blocks whose sums tell the noise; even, so that a mosaic's pixels count alike
 LEAST = 30  # independent blocks that tell it
 SHOWN = 3.0  # standard deviations by which noise must be alike to count
+ROUNDED = 0.25  # of a step's square, noise of which is mostly rounding, that goes on over many pixels
 ODD = 1.15  # times the least variance of differences beyond which pixels are unlike: interpolated 1.3 to 1.45
 # px·sqrt(px) and per px²: what 6 to 22 px dots of blurs from 0.3 to 1.2 px, free of noise, lose to interpolation of
 # colours, bilinear or along edges; these widen edges by 0.27 and 0.38 px², and a pixel's own square by 1 / 12
@@ -80,7 +81,8 @@ def grain(image: Floats, rays: Rays, window: Array, even: Array) -> Grain:
     of_pixels = _of_neighbours(image, ground)
     whole, near = 2 * coarse - fine, float(of_pixels.mean())
     doubt = np.sqrt(8 * coarse**2 / few + 2 * fine**2 / many)
-    if near <= 0 or whole - near < SHOWN * doubt:
+    step = quantum(image) if np.array_equal(image, np.rint(image)) else 0.0
+    if near <= ROUNDED * step**2 or whole - near < SHOWN * doubt:
         return PLAIN
     middles = _drawn(image.shape, rays, even)
     high, number = _of_blocks(image, middles, BLOCKS[0])

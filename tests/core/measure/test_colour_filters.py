@@ -8,6 +8,7 @@ import pytest
 from scipy.special import ndtr
 
 from core.measure import measure_targets
+from core.measure.grain import balanced
 from core.model import DeviceSpec, PhaseMap, Seed, Testfield
 
 FINE = 100  # steps of a grey value, so that rounding is no noise
@@ -69,3 +70,11 @@ def test_a_mosaic_of_unlike_pixels_is_no_noise() -> None:
     assert len(error) == len(plain_error)
     assert 0.85 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.2
     assert np.median(sigma) < 1.2 * np.median(plain_sigma)
+
+
+def test_small_dots_on_an_even_raster_are_no_mosaic() -> None:
+    """Seen straight on, even and odd pixels show other parts of them all over the image."""
+    v, u = np.mgrid[0:240, 0:320]
+    away = np.hypot(u % 12 - 5.3, v % 12 - 5.6)
+    image = (12 + 140 * ndtr((2.5 - away) / 0.5)).astype(np.float32)
+    assert balanced(image) is image
