@@ -16,6 +16,7 @@ flicker.py    frames lit by more or less light than the others
 late.py       frames that show the pattern before, in some rows or in all
 harmonics.py  how harmonics bend the phase, and the way back; those of square waves, from the blur
 notes.py      what is wrong with a capture that decodes less than its light promises
+chosen.py     pixels that stand for all: spread over the image, of every kind
 sample.py     noise, full scale and contrast of the bits, from a sample of the pixels
 balance.py    the thresholds of bits that lie off the middle between white and black
 overexposed.py  the evenly lit image where frames are at full scale

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from core.decode.agreement import contradiction, refuse_open_orders, widen
 from core.decode.camera import TONE, unbend
+from core.decode.chosen import spread
 from core.decode.codes import codes_alone, refine_codes
 from core.decode.compressed import COMPRESSED, roughness
 from core.decode.curves import LEVELS
@@ -36,7 +37,6 @@ from core.decode.options import DecodeOptions, Flag
 from core.decode.overexposed import relight
 from core.decode.repeated import drop_repeated
 from core.decode.ripple import take_ripple_out
-from core.decode.sample import spread
 from core.decode.sections import decode_sections, section_scratch
 from core.decode.tables import CODE, NOTHING, PHASES, SWEEP, Limits, Singles
 from core.errors import InputError

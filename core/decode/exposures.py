@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.chosen import take_sample
 from core.decode.frames import Image
 from core.decode.noise import TINY, Noise, estimate_noise
 from core.decode.options import DecodeOptions
-from core.decode.sample import full_scale, smoothest, take_sample
+from core.decode.sample import full_scale, smoothest
 from core.decode.tables import Array, Singles
 from core.errors import InputError
 from core.numerics import quantum, sigma_by_median

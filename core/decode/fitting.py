@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from core.decode.camera import SPREAD as CAMERAS
 from core.decode.camera import TERMS, bend, rises
+from core.decode.chosen import spread
 from core.decode.crowding import TILES, Crowd, crowded, explained
 from core.decode.curves import PARAMETERS, SPREAD, dimming, light_at, waves
 from core.decode.frames import Image
 from core.decode.response import HARMONICS, LARGEST, STEP, Array, Response, Terms, Wave
-from core.decode.sample import spread
 from core.decode.tables import Singles
 from core.numerics import quantile_of
 from core.patterns import Pattern, level_of, use_of

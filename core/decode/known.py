@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.balance import balance
+from core.decode.chosen import spread, take_sample
 from core.decode.fitting import estimate_response
 from core.decode.flicker import steady
 from core.decode.frames import Image, SortedFrames, sort_frames
@@ -25,8 +26,6 @@ from core.decode.sample import (
     limits_of,
     measure_fading,
     measure_noise,
-    spread,
-    take_sample,
 )
 from core.decode.sections import measure_ripple
 from core.decode.tables import Array, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.chosen import spread
 from core.decode.frames import Image
 from core.decode.noise import MEDIAN_OF_SQUARE, spatial_residual
 from core.decode.options import Flag
-from core.decode.sample import spread
 from core.decode.tables import NOTHING, PHASES, WORDS, Array, AxisTable, Limits, Singles
 from core.model import Names, Note
 

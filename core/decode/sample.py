@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from core.decode.chosen import BRIGHT, of_all_rows, places_of, spread
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
 from core.decode.noise import (
     LEAST,
@@ -26,7 +27,6 @@ from core.errors import InputError
 from core.numerics import cut_off, quantile_of, quantum
 from core.parallel import run_in_bands
 
-SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
 RESIDUALS, FEWEST, BENT = 4096, 512, 2048  # residuals that are enough, but from no fewer pixels; where waves are bent
 UNSATURATED = 100  # pixels without a saturated step, fewer do not tell the noise
 WHOLE = 1, 0.25  # steps of the grey values, part of a frame that must lie in one and not be saturated to tell it
@@ -34,7 +34,6 @@ BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do 
 FEW_ROWS = 8192  # pixels in rows of the image that tell the noise of bent waves
 LIT = 0.1  # part of the brightest pixels' amplitude that one must have to tell it
 CLEAR = 1.0  # standard deviations above 0 from which no more than a sixth of the noise is cut off
-UNLIKE = 0.06  # by which a neighbour in the next row is oftener noisier than less noisy: of 1.1 times the noise
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit; also
 # part of its squares that harmonics explain: sigma is 8 % too large by as much
@@ -45,32 +44,7 @@ USUAL = 0.6  # part of the usual contrast that a code alone must have
 RESOLVED = 0.15  # part of the whole contrast that a fine bit must have in the mean for its sign to tell anything
 BY_NOISE = 1.1  # of its standard deviation: noise alone shows 0.8 in the mean
 LEAST_CONTRAST = np.float32(1e-6)  # that divides
-BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 CONFLICT = 0.25  # part of the range of grey values by which frames of one pattern may differ, in the median
-
-
-def take_sample(images: Sequence[Image]) -> Singles:
-    """Grey values of pixels spread over the image, shape (frames, pixels)."""
-    sample = np.stack([image[spread(image.shape)] for image in images])
-    return sample.reshape(len(images), -1).astype(np.float32)
-
-
-def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
-    """Rows and columns of the pixels that `take_sample` takes of images of a shape."""
-    height, width = shape
-    step = max(1, int(np.sqrt(height * width / SAMPLE)))
-    across = min(step, 4)  # neighbours share cache lines: rather fewer rows
-    down = max(1, min(height // 16, step * step // across))
-    return slice(down // 2, None, down), slice(None, None, across)
-
-
-def places_of(shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
-    """Where pixels lie in an image of a shape, x and y from -1 to 1, and in squares of two by two, where a mosaic of
-    colours has them: -1 or 1 by the column, the row and both, shape (5, ...)."""
-    height, width = shape
-    right, below = 2.0 * (columns % 2) - 1, 2.0 * (rows % 2) - 1
-    x, y = 2 * (columns + 0.5) / width - 1, 2 * (rows + 0.5) / height - 1
-    return np.array(np.broadcast_arrays(x, y, right, below, right * below))
 
 
 def check_duplicates(frames: SortedFrames, sample: Singles, where: str) -> None:
@@ -123,7 +97,7 @@ def measure_noise(
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
-        sample, rows = _of_all_rows(sample, found, images, light)
+        sample, rows = of_all_rows(sample, found, images, light)
         used = np.abs(found).max(axis=0) > 0
         fewest = BENT if bent else FEWEST
         every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // fewest))
@@ -163,30 +137,6 @@ def measure_noise(
         return _sweep_noise(lines[0], sample, saturation, images)
     residual, level = _smoothness(frames, images, saturation, bent)
     return estimate_noise(residual.ravel(), level.ravel(), step)
-
-
-def _of_all_rows(
-    sample: Singles, found: Array, images: Sequence[Image], light: Array | None
-) -> tuple[Singles, NDArray[np.intp]]:
-    """The sample and its rows; every other one is the row above it, if it has even or odd ones alone that are unlike.
-
-    They are where a colour camera's pixels were interpolated to grey, of which every column shows two kinds by turns.
-    """
-    part, columns = spread(images[0].shape)
-    rows = np.arange(len(images[0]))[part]
-    if part.step % 2:
-        return sample, rows
-    above = np.stack([image[rows - 1, columns] for image in images]).astype(np.float32)
-    above = above if light is None else np.einsum("fg,gij->fij", light.astype(np.float32), above)
-    here, factors = sample.reshape(above.shape), found.astype(np.float32)
-    own, others = (np.abs(np.einsum("kf,fij->kij", factors, each)) for each in (here, above))
-    oftener, level = np.sign(others - own).mean(axis=0), here.mean(axis=0)
-    bright = level > level.min() + BRIGHT * np.ptp(level)  # in the dark, whole grey values make all noise alike
-    if max(abs(oftener.mean()), abs(oftener[bright].mean())) < UNLIKE:
-        return sample, rows
-    rows[1::2] -= 1
-    above[:, ::2] = here[:, ::2]
-    return above.reshape(sample.shape), rows
 
 
 def bent_squares(waves: Sequence[Wave], found: Array, sample: Singles, saturation: float) -> tuple[Wave, ...]:

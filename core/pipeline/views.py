@@ -89,7 +89,8 @@ def coverage(cloud: PointCloud) -> Figures:
 def _mean_image(project: Project, capture: Capture, camera: str) -> Floats:
     """Mean of all frames of a camera, NaN where half of them are saturated: in a shadow all are alike."""
     from core.decode import DecodeOptions
-    from core.decode.sample import full_scale, take_sample
+    from core.decode.chosen import take_sample
+    from core.decode.sample import full_scale
 
     spec = project.rig.cameras[camera]
     images = [image for s in capture.series if s.camera == camera for image in iterate_images(s, spec)]

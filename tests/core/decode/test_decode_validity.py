@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from core.decode import DecodeOptions, Flag, decode
+from core.decode.chosen import take_sample
 from core.decode.frames import sort_frames
 from core.decode.noise import contrasts, estimate_noise
-from core.decode.sample import measure_noise, take_sample
+from core.decode.sample import measure_noise
 from core.patterns import Black, Lines, Phase, SequenceSpec, White, brightness, gray_and_phase, reference_sequence
 from tests.core.decode.conftest import Bench
 

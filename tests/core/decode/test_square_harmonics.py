@@ -7,10 +7,10 @@ import pytest
 from scipy.special import erf
 
 from core.decode import decode
+from core.decode.chosen import take_sample
 from core.decode.harmonics import measure_bend
 from core.decode.known import prepare
 from core.decode.noise import Noise
-from core.decode.sample import take_sample
 from core.patterns import Black, White, brightness, gray_and_phase, parse_sequence
 
 
