@@ -7,7 +7,7 @@ sums over many, has more than so many independent pixels would leave it. Smoothi
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from core.measure.rays import Rays
 from core.model import Array, Floats
 from core.numerics import median_of, quantum
 
-UNLIKE = 0.15  # of their gain, by which pixels of a mosaic differ at least; small dots on an even raster show 0.12
+UNLIKE = 0.005  # of their gain, by which pixels of a mosaic differ at least
 BLOCKS = 2, 4  # px: sides of blocks whose sums tell the noise; even, so that a mosaic's pixels count alike
 LEAST = 30  # independent blocks that tell it
 SHOWN = 3.0  # standard deviations by which noise must be alike to count
@@ -31,22 +31,28 @@ LATTICE, INTERPOLATED, PIXEL = (0.085, 3.0), 0.3, 1 / 12
 def balanced(image: Floats) -> Floats:
     """The image (H, W) with pixels of equal gain, if those of a mosaic of two by two have unlike ones.
 
-    Binomial smoothing weighs all four alike, so that the ratios to it are the gains wherever the image is smooth.
+    Binomial smoothing weighs all four alike, so that the ratios to it are the gains wherever the image is smooth. Those
+    of its dark half must show the same: dots on an even raster have their edges on pixels of one kind.
     """
     smooth = cv2.GaussianBlur(image, (3, 3), 0, borderType=cv2.BORDER_REFLECT_101)  # weights 1 2 1
     lit = smooth > image.mean()
-    gain = np.ones((2, 2), np.float32)
-    for i, j in np.ndindex(2, 2):
-        at = (slice(i, None, 2), slice(j, None, 2))
-        known = lit[at]
-        if known.any():
-            gain[i, j] = median_of(image[at][known] / smooth[at][known])
-    if np.ptp(gain) < UNLIKE or gain.min() <= 0:
+    gain, of_ground = _gains(image, smooth, lit), _gains(image, smooth, ~lit & (smooth > 0))
+    if np.ptp(gain) < UNLIKE or gain.min() <= 0 or np.abs(gain - of_ground).max() > np.ptp(gain) / 2:
         return image
     even = image.copy()
     for i, j in np.ndindex(2, 2):
         even[i::2, j::2] /= gain[i, j]
     return even
+
+
+def _gains(image: Floats, smooth: NDArray[Any], of: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Medians of the ratios to the smooth image of the pixels in use, by their place in squares of two by two."""
+    gain = np.ones((2, 2), np.float32)
+    for i, j in np.ndindex(2, 2):
+        at = (slice(i, None, 2), slice(j, None, 2))
+        if (known := of[at]).any():
+            gain[i, j] = median_of(image[at][known] / smooth[at][known])
+    return gain
 
 
 class Grain(NamedTuple):
