@@ -30,12 +30,17 @@ def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
     return slice(down // 2, None, down), slice(None, None, across)
 
 
+def middles(pixels: NDArray[np.intp], size: int) -> Array:
+    """Middles of pixels by their numbers along an axis of so many, from -1 at one edge of the image to 1."""
+    return np.asarray((2 * pixels + 1) / size - 1)
+
+
 def places_of(shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
     """Where pixels lie in an image of a shape, x and y from -1 to 1, and in squares of two by two, where a mosaic of
     colours has them: -1 or 1 by the column, the row and both, shape (5, ...)."""
     height, width = shape
     right, below = 2.0 * (columns % 2) - 1, 2.0 * (rows % 2) - 1
-    x, y = 2 * (columns + 0.5) / width - 1, 2 * (rows + 0.5) / height - 1
+    x, y = middles(columns, width), middles(rows, height)
     return np.array(np.broadcast_arrays(x, y, right, below, right * below))
 
 

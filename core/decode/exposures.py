@@ -186,9 +186,9 @@ def _check_followed(
     told = np.log([[exposures_ms[n] for n in fine], np.maximum(seen.mean(axis=1), TINY), high - low + TINY])
     apart = told - told.mean(axis=1, keepdims=True)
     within = told.copy()
-    for kind in set(kinds):
+    for kind in {kinds[n] for n in fine}:
         same = np.array([kinds[n] == kind for n in fine])
-        within[:, same] -= within[:, same].mean(axis=1, keepdims=True) if same.any() else 0.0
+        within[:, same] -= within[:, same].mean(axis=1, keepdims=True)
     alike = np.ptp(within[0]) > np.log(ALIKE)
     apart, longer, followed = (within, ALIKE, FOLLOWED[0]) if alike else (apart, LONGER, FOLLOWED[1])
     if np.ptp(apart[0]) <= np.log(longer) or (apart[1:] @ apart[0]).max() >= followed * (apart[0] @ apart[0]):

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from core.decode.chosen import middles
 from core.decode.tables import Singles
 from core.model import Array
 from core.numerics import MEDIAN_OF_NORMAL, chi_square_limit, fisher_limit, median_of, quadratic, row_median
@@ -68,7 +69,7 @@ def take_waves_out(u: Singles, periods: list[tuple[float, int]]) -> None:
 
 
 def _subtract(u: Singles, waves: list[Wave], period: float, first: int, last: int) -> None:
-    place, columns = u[first:last], _from_edge_to_edge(u.shape[1])
+    place, columns = u[first:last], middles(np.arange(u.shape[1]), u.shape[1])
     with np.errstate(invalid="ignore"):  # of NaN any place, which stays NaN
         at = ((place + np.float32(0.5)) * np.float32(PLACES / period)).astype(np.int32) & (PLACES - 1)
     away = np.zeros(PLACES, np.float32)
@@ -77,14 +78,9 @@ def _subtract(u: Singles, waves: list[Wave], period: float, first: int, last: in
         if not wave.parts[:, 1:].any():
             away += wave.parts[0, 0] * cosine + wave.parts[1, 0] * sine
             continue
-        here = wave.at(_from_edge_to_edge(len(u))[first:last], columns).astype(np.float32)
+        here = wave.at(middles(np.arange(first, last), len(u)), columns).astype(np.float32)
         place -= here[0] * cosine[at] + here[1] * sine[at]
     place -= away[at]
-
-
-def _from_edge_to_edge(size: int) -> Array:
-    """Middles of so many pixels, from -1 to 1."""
-    return (2 * np.arange(size) + 1) / size - 1
 
 
 class Windows(NamedTuple):

@@ -212,7 +212,7 @@ def without_harmonics(
 
     `residual`, (k, ...), are combinations of grey values by `factors`, (k, frames), of `shown`, (frames, ...), after
     what `also` did; it is done with the harmonics too, and gives their mean there. `of` are the pixels that tell the
-    harmonics, `places`, (2, ...), where in the image they are, from -1 to 1.
+    harmonics, `places`, (5, ...), where in the image they are, see `chosen.places_of`.
 
     What is left is given as combinations of unit norm, with the grey values at which they are taken: the waves' own
     noise, which is that of the same frames, is taken away or added with the harmonics.
@@ -238,7 +238,8 @@ def without_harmonics(
 
 
 def _over_the_image(places: Array, number: float) -> Array:
-    """How blur may differ over the image at `places`, (2, ...), shape (5, ...): none if so many pixels do not tell."""
+    """How blur may differ at `places`, (5, ...), over the image and by kind of pixel, shape (8, ...): not at all if so
+    many pixels do not tell."""
     x, y, *kinds = places.reshape(len(places), -1)
     field = np.vstack([quadratic(x, y).T[1:], *kinds]).reshape(-1, *places.shape[1:])
     return field if number > EACH * (1 + 2 * len(_orders(field))) else field[:0]

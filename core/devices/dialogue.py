@@ -103,9 +103,8 @@ class Dialogue:
                 self.repeats += 1
                 self.note(self.name, f"{command}: {reason}, try {attempt + 1}")
             self.asked += 1
-            self._tag = (
-                self._tag if step.send is None else self._tag % self._tags + 1
-            )  # what comes unasked has the last one
+            if step.send is not None:  # what comes unasked has the last one
+                self._tag = self._tag % self._tags + 1
             sent = {**values, "tag": self._tag}
             self.sent, self.heard = b"", bytearray()
             if step.send is not None:

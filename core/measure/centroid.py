@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.defocus import drawn_centroids, undrawn
-from core.measure.grain import PLAIN, Grain
+from core.measure.grain import PLAIN, Grain, clipped_variance
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
 from core.measure.rays import Rays
 from core.model import Array
-from core.numerics import inverse_2x2, median_of
+from core.numerics import inverse_2x2
 
 FLOOR = 0.01  # px² per px of diameter: what square pixels leave on noise-free renderings, 0.001 px at 12 px diameter
 REACH, TAPER = (2.0, 0.3), 0.3  # blurs and px beyond the edge where weights end; share of that where they begin to fall
@@ -105,8 +105,4 @@ def _variance(differences: Array) -> float:
     if not len(differences):
         return 0.0
     rounding = 1 / 12 if np.all(differences == np.rint(differences)) else 0.0  # whole grey values
-    square = (differences - median_of(differences)) ** 2
-    spread = 2.2 * median_of(square)  # the median of a squared Gaussian is 0.455 of its variance
-    for _ in range(3):  # the median of whole numbers is coarse: go on with means
-        spread = float(np.mean(square[square <= 9 * spread + 1e-12])) / 0.973
-    return max(spread / 6, rounding)
+    return max(clipped_variance(differences) / 6, rounding)

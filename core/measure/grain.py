@@ -113,7 +113,7 @@ def _of_blocks(image: Floats, use: NDArray[np.uint8], b: int) -> tuple[float, fl
     whole = cv2.boxFilter(use, cv2.CV_32F, (2 * b, 2 * b), anchor=(0, 0), normalize=False)[:-b, :-b] == 4 * b * b
     whole[twist.shape[0] - b + 1 :], whole[:, twist.shape[1] - b + 1 :] = False, False  # reach beyond the image
     some = twist[whole]
-    return _variance(some) / (4 * b * b) if len(some) else 0.0, len(some) / (b * b)
+    return clipped_variance(some) / (4 * b * b) if len(some) else 0.0, len(some) / (b * b)
 
 
 def _of_neighbours(image: Floats, use: NDArray[np.uint8]) -> Array:
@@ -121,7 +121,7 @@ def _of_neighbours(image: Floats, use: NDArray[np.uint8]) -> Array:
     second = image[:, :-2] - 2 * image[:, 1:-1] + image[:, 2:]
     some = (use[:, :-2] & use[:, 1:-1] & use[:, 2:]) == 1
     parts = [(slice(i, None, 2), slice(j, None, 2)) for i, j in np.ndindex(2, 2)]
-    return np.array([_variance(second[part][some[part]]) / 6 if some[part].any() else 0.0 for part in parts])
+    return np.array([clipped_variance(second[part][some[part]]) / 6 if some[part].any() else 0.0 for part in parts])
 
 
 def _drawn(shape: tuple[int, ...], rays: Rays, radius: Array) -> NDArray[np.uint8]:
@@ -135,10 +135,10 @@ def _drawn(shape: tuple[int, ...], rays: Rays, radius: Array) -> NDArray[np.uint
     return drawn
 
 
-def _variance(values: Array) -> float:
+def clipped_variance(values: Array) -> float:
     """Mean square about the median, without what lies beyond three standard deviations."""
     square = (values - median_of(values)) ** 2
-    spread = 2.2 * median_of(square)
-    for _ in range(3):
+    spread = 2.2 * median_of(square)  # the median of a squared Gaussian is 0.455 of its variance
+    for _ in range(3):  # the median of whole numbers is coarse: go on with means
         spread = float(np.mean(square[square <= 9 * spread + 1e-12])) / 0.973
     return spread
