@@ -145,7 +145,7 @@ def without_drawings(patch: pytest.MonkeyPatch) -> None:
     from core.report.chapters import CHAPTERS
 
     for key, chapter in CHAPTERS.items():
-        patch.setitem(CHAPTERS, key, replace(chapter, drawings=lambda data: ()))
+        patch.setitem(CHAPTERS, key, replace(chapter, drawings=()))
 
 
 @pytest.fixture

@@ -42,14 +42,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Chapter:
-    """A chapter: its title, its tables, and its drawings, drawn inside `core.report.figures.canvas.drawing_style`.
+    """A chapter: its title, its tables, and its drawings, in the order of the functions that draw them.
 
-    A report that has neither tables nor drawings for it leaves it out.
+    These are called inside `core.report.figures.canvas.drawing_style`, each in a process of its own where that is safe.
+    A report that has neither tables nor drawings for a chapter leaves it out.
     """
 
     title: str
     tables: Callable[[ReportData], Sequence[Table]]
-    drawings: Callable[[ReportData], Sequence[Drawing]] = lambda _data: ()
+    drawings: Sequence[Callable[[ReportData], Sequence[Drawing]]] = ()
 
 
 def _adjustment_tables(data: ReportData) -> list[Table]:
@@ -62,19 +63,27 @@ def _adjustment_tables(data: ReportData) -> list[Table]:
     return found
 
 
-def _adjustment_drawings(data: ReportData) -> list[Drawing]:
+def _image_drawings(data: ReportData) -> Sequence[Drawing]:
     from core.report.figures.images import image_drawings  # drawing takes a second to import
+
+    return image_drawings(data.adjustment) if data.adjustment is not None else ()
+
+
+def _network_drawings(data: ReportData) -> Sequence[Drawing]:
     from core.report.figures.network import network_drawings
 
-    found = [] if data.adjustment is None else [*image_drawings(data.adjustment), *network_drawings(data.adjustment)]
-    if data.volume is not None:
-        from core.report.figures.rig import volume_drawing
+    return network_drawings(data.adjustment) if data.adjustment is not None else ()
 
-        figures, maps = data.volume
-        drawing = volume_drawing(figures["depths"], maps["form_sigma_mm"])
-        of = " Of {camera} with {projector}.".format(**figures) if "camera" in figures else ""
-        found.append(replace(drawing, caption=drawing.caption + of))
-    return found
+
+def _volume_drawings(data: ReportData) -> Sequence[Drawing]:
+    from core.report.figures.rig import volume_drawing
+
+    if data.volume is None:
+        return ()
+    figures, maps = data.volume
+    drawing = volume_drawing(figures["depths"], maps["form_sigma_mm"])
+    of = " Of {camera} with {projector}.".format(**figures) if "camera" in figures else ""
+    return [replace(drawing, caption=drawing.caption + of)]
 
 
 def _plane_drawings(data: ReportData) -> Sequence[Drawing]:
@@ -106,20 +115,22 @@ def _other_tables(data: ReportData) -> list[Table]:
 
 
 CHAPTERS: dict[str, Chapter] = {
-    "adjustment": Chapter("Photogrammetric calibration", _adjustment_tables, _adjustment_drawings),
+    "adjustment": Chapter(
+        "Photogrammetric calibration", _adjustment_tables, (_image_drawings, _network_drawings, _volume_drawings)
+    ),
     "depth": Chapter("Depth calibration", lambda data: [depth_table(data.depth)] if data.depth is not None else []),
     "others": Chapter("Further calibrations", _other_tables),
     "planes": Chapter(
         "Plane-table",
         lambda data: [plane_table(data.evaluations, published_of(data))] if data.evaluations else [],
-        _plane_drawings,
+        (_plane_drawings,),
     ),
     "response": Chapter(
         "Response of the projector",
         lambda data: [response_table(name, curves) for name, curves in data.responses.items()],
-        _response_drawings,
+        (_response_drawings,),
     ),
-    "drift": Chapter("Drift of the rig", lambda data: [drift_table(chart) for chart in data.drift], _drift_drawings),
+    "drift": Chapter("Drift of the rig", lambda data: [drift_table(chart) for chart in data.drift], (_drift_drawings,)),
     "merged": Chapter("Merged captures", lambda data: [merged_table(*data.merged)] if data.merged is not None else []),
     "sign-off": Chapter(
         "Sign-off", lambda data: [sign_off_table(data.sign_off, data.evaluations)] if data.sign_off is not None else []
@@ -133,16 +144,19 @@ def tables(data: ReportData) -> list[Table]:
 
 
 def drawings(data: ReportData, *, progress: Progress = SILENT) -> dict[str, tuple[Drawing, ...]]:
-    """Draw everything for which there are data, by the key of its chapter; chapters at once where that is safe."""
+    """Draw everything for which there are data, by the key of its chapter; several at once where that is safe."""
     from core.report.figures.canvas import drawing_style, drawn
 
-    chapters = list(CHAPTERS.values())
+    pieces = [(key, draw) for key, chapter in CHAPTERS.items() for draw in chapter.drawings]
 
-    def draw(k: int, said: Progress) -> tuple[Drawing, ...]:
-        said(0.0, f"drawing: {chapters[k].title}")
+    def work(k: int, said: Progress) -> tuple[Drawing, ...]:
+        key, draw = pieces[k]
+        said(0.0, f"drawing: {CHAPTERS[key].title}")
         with drawing_style():
-            return tuple(drawn(drawing) for drawing in chapters[k].drawings(data))
+            return tuple(drawn(drawing) for drawing in draw(data))
 
-    found = dict(zip(CHAPTERS, on_processes(draw, len(chapters), progress), strict=True))
+    found: dict[str, tuple[Drawing, ...]] = dict.fromkeys(CHAPTERS, ())
+    for (key, _), more in zip(pieces, on_processes(work, len(pieces), progress), strict=True):
+        found[key] += more
     progress(1.0, "figures drawn")
     return found

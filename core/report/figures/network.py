@@ -126,7 +126,7 @@ def _correlations(found: Correlations) -> Drawing:
     correlation, names, n = found.values, found.names, len(found.names)
     figure = new_figure(min(max(3.0, 0.27 * n + 1.0), 8.4))
     axes = figure.subplots()
-    image = axes.imshow(correlation, cmap=colormaps["RdBu_r"], vmin=-1, vmax=1, interpolation="nearest")
+    image = axes.imshow(correlation, cmap=colormaps["RdBu_r"], vmin=-1, vmax=1, interpolation="none")
     labels = [drawable(name) for name in names]
     size = float(np.clip(180 / n, 3.5, 8.0))
     axes.set_xticks(range(n), labels, rotation=90, fontsize=size)

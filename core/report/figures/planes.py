@@ -31,6 +31,7 @@ from core.report.figures.canvas import (
     plain_axes,
     shortened,
 )
+from core.report.figures.strokes import DPI
 
 COLUMNS = 4  # planes side by side in one figure
 Captures = list[tuple[str, float | None]]
@@ -101,7 +102,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
     scale = Normalize(-limit_mm, limit_mm)
     for row, (of, label) in enumerate(rows.items()):
         for column, capture in enumerate(captures):
-            _map(axes[row, column], _find(evaluations, capture[0], of), colours, scale)
+            _map(axes[row, column], _find(evaluations, capture[0], of), colours, scale, round(cell_in * DPI))
             if row == 0:
                 axes[row, column].set_title(f"{_heading(capture)}\n{axes[row, column].get_title()}")
             axes[row, column].yaxis.set_visible(column == 0)
@@ -127,7 +128,7 @@ def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm
     )
 
 
-def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scale: Normalize) -> None:
+def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scale: Normalize, most: int) -> None:
     axes.xaxis.set_visible(False)  # neither drawn nor asked for its place
     axes.set_yticks([])
     for spine in axes.spines.values():
@@ -135,8 +136,17 @@ def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scal
     if evaluation is None:
         axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
         return
-    axes.imshow(evaluation.deviation_mm, cmap=colours, norm=scale, interpolation="nearest")
+    axes.imshow(_printed(evaluation.deviation_mm, most), cmap=colours, norm=scale, interpolation="none")
     axes.set_title(f"r.m.s. {evaluation.rms_mm:.3f} mm")
+
+
+def _printed(values: NDArray[np.float32], most: int) -> NDArray[np.float32]:
+    """Give the pixels that are printed of an image: `most` in a row."""
+    height, width = values.shape
+    if width <= most:
+        return values
+    rows, columns = (np.arange(n * most // width) * width // most for n in (height, width))
+    return values[np.ix_(rows, columns)]
 
 
 def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float) -> Drawing:

@@ -90,7 +90,7 @@ def volume_drawing(layers: Sequence[Mapping[str, Any]], sigma_mm: Array) -> Draw
         axes.set_title(f"{row['depth_mm']:.0f} mm away")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_visible(False)
-        axes.imshow(1e3 * sigma_mm[row["layer"]], cmap=colours, norm=scale, interpolation="nearest")
+        axes.imshow(1e3 * sigma_mm[row["layer"]], cmap=colours, norm=scale, interpolation="none")
     mappable = ScalarMappable(scale, colours)
     colour_bar(figure, mappable, panels, "σ of form in µm", location="bottom", shrink=0.6, aspect=45, extend="max")
     caption = (

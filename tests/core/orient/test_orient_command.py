@@ -86,7 +86,7 @@ def test_what_captures_show_is_kept_for_the_chart_and_the_report(calibrated: Pat
     assert (chart[1].sigma < chart[0].sigma).all()
     data = report_data(project, ())
     assert [table.title for table in tables(data)][-1].startswith("Control chart")
-    assert [drawing.key for drawing in CHAPTERS["drift"].drawings(data)] == ["drift-camera-projector"]
+    assert [drawing.key for drawing in CHAPTERS["drift"].drawings[0](data)] == ["drift-camera-projector"]
     assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--without", "testfield-08"]) == 0
     assert not drift_of(project, kept=True)
 

@@ -54,7 +54,7 @@ def test_the_response_is_drawn_and_told_by_its_power(data):
     curves = {name: np.column_stack([level, level**power]) for name, power in (("a", 2.2), ("b", 2.0), ("c", 2.1))}
     data = dataclasses.replace(data, responses={"projector": curves})
     with drawing_style():
-        (drawing,) = CHAPTERS["response"].drawings(data)
+        (drawing,) = CHAPTERS["response"].drawings[0](data)
     lines = drawing.figure.axes[0].get_lines()
     assert np.allclose(lines[-1].get_ydata(), level**2.1)
     (table,) = [t for t in tables(data) if t.title == "Response of projector"]
@@ -65,7 +65,8 @@ def test_the_response_is_drawn_and_told_by_its_power(data):
 def test_figures_need_their_data(data):
     def keys(**parts):
         with drawing_style():
-            return [d.key for c in CHAPTERS.values() for d in c.drawings(ReportData(data.project, **parts))]
+            shown = ReportData(data.project, **parts)
+            return [d.key for c in CHAPTERS.values() for draw in c.drawings for d in draw(shown)]
 
     assert keys(photogrammetric=data.photogrammetric) == []
     assert keys(evaluations=data.evaluations) == ALL[5:]
@@ -217,7 +218,11 @@ def test_drawing_leaves_the_callers_matplotlib_alone(data):
     assert dict(mpl.rcParams) == before
 
 
-def test_lines_texts_and_images_of_the_page_stand_where_the_data_are():
+@pytest.mark.parametrize(
+    ("drawn_as", "up", "place"),
+    [("nearest", 1, [144, 0, 0, 108, 72, 54]), ("none", -1, [144, 0, 0, -108, 72, 162])],  # its own pixels, upside down
+)
+def test_lines_texts_and_images_of_the_page_stand_where_the_data_are(drawn_as, up, place):
     figure = Figure((4, 3))
     axes = figure.add_axes((0.25, 0.25, 0.5, 0.5), xlim=(0, 10), ylim=(0, 1))  # 144 by 108 points from (72, 54)
     axes.set_axis_off()
@@ -225,7 +230,7 @@ def test_lines_texts_and_images_of_the_page_stand_where_the_data_are():
     axes.plot([5], [0.5], "s", markersize=10, markeredgewidth=0, color="#0000ff", alpha=0.5)
     axes.text(1, 1, "up", rotation=90, rotation_mode="anchor", fontsize=9)
     levels = np.array([[0.0, 1.0], [0.5, 0.25]])
-    axes.imshow(levels, cmap="gray", extent=(0, 10, 0, 1), aspect="auto", interpolation="nearest")
+    axes.imshow(levels, cmap="gray", extent=(0, 10, 0, 1), aspect="auto", interpolation=drawn_as)
     out = BytesIO()
     canvas = Canvas(out, pagesize=(288, 216))
     pdf._register_fonts()
@@ -240,10 +245,11 @@ def test_lines_texts_and_images_of_the_page_stand_where_the_data_are():
         ("m", [-5, -5]),
         ("cm", [0, 1, -1, 0, 86.4, 162]),  # upwards, from the text's beginning
         ("Tj", ["up"]),
-        ("cm", [144, 0, 0, 108, 72, 54]),  # the image fills the axes
+        ("cm", place),  # the image fills the axes
     ):
         assert one in told
     assert told[told.index(("l", [201.6, 135])) - 1] == ("m", [100.8, 81])
     assert {state["/ca"] for state in page["/Resources"]["/ExtGState"].values() if "/ca" in state} >= {0.5}
     shown = np.asarray(page.images[0].image.convert("L"))
-    assert [[shown[75, 100], shown[75, 300]], [shown[225, 100], shown[225, 300]]] == [[0, 255], [128, 64]]
+    quarters = np.ix_(*([n // 4, 3 * n // 4] for n in shown.shape))
+    assert shown[::up][quarters].tolist() == [[0, 255], [128, 64]]
