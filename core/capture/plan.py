@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
@@ -74,8 +75,8 @@ def make_plan(project: Project, subject: Subject, patterns: Sequence[Pattern] | 
             raise InputError(where, f"{key} is {value}", "give a finite number")
     if role in ("testfield", "depth") and testfield is None and (project.path / "testfield.csv").is_file():
         testfield = "testfield.csv"
-    if testfield is not None and not (project.path / testfield).is_file():
-        raise InputError(project.path / testfield, "no such testfield", "give its path from the project's folder")
+    if testfield is not None:
+        testfield = _in_project(project, testfield)
     rig = project.rig
     chosen_devices = {"camera": subject.camera or rig.camera_name, "projector": subject.projector or rig.projector_name}
     for kind, known in (("camera", rig.cameras), ("projector", rig.projectors)):
@@ -91,6 +92,17 @@ def make_plan(project: Project, subject: Subject, patterns: Sequence[Pattern] | 
     if not chosen:
         raise InputError(where, "no patterns", "plan at least one")
     return Plan(replace(subject, testfield=testfield), chosen, guards_for(chosen, lines), devices)
+
+
+def _in_project(project: Project, testfield: str) -> str:
+    """Give the path from the project's folder of a testfield that is named from there, or from the working folder."""
+    folder, given = project.path.resolve(), Path(testfield).resolve()
+    if given.is_file() and given.is_relative_to(folder):
+        return given.relative_to(folder).as_posix()
+    if (project.path / testfield).is_file():
+        return testfield
+    remedy = "copy it into the project's folder" if given.is_file() else "give its path from the project's folder"
+    raise InputError(project.path / testfield, "no such testfield", remedy)
 
 
 def sequence_for(project: Project, projector: Projector) -> tuple[Pattern, ...]:

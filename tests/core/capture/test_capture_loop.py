@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.capture import capture_status, run_capture
+from core.capture import capture_status, make_plan, run_capture
 from core.devices import open_camera
 from core.devices.scene import FlatScene
 from core.errors import Cancelled, DeviceError, InputError
@@ -197,3 +197,14 @@ def test_a_wrong_request_writes_nothing(project: Project, change: dict, seen: st
     with pytest.raises(InputError, match=seen):
         run_capture(project, Subject(**of), **wanted)
     assert not (project.path / "captures").exists()
+
+
+def test_a_testfield_may_be_named_from_the_working_folder(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    (project.path / "board.csv").write_text("of no matter")
+    (project.path.parent / "outside.csv").write_text("of no matter")
+    monkeypatch.chdir(project.path.parent)
+    for named in ("board.csv", f"{project.path.name}/board.csv", str(project.path / "board.csv")):
+        plan = make_plan(project, Subject(name="a", role="testfield", testfield=named))
+        assert plan.subject.testfield == "board.csv"
+    with pytest.raises(InputError, match="copy it into the project's folder"):
+        make_plan(project, Subject(name="a", role="testfield", testfield="outside.csv"))
