@@ -144,7 +144,7 @@ def decode(
     found = _Found.of_nothing(arrays[0].shape)
     at_rim = _decode_pixels(found, sequence, arrays, seen, progress)
     even_image = found.image.reshape(found.shape)
-    relight(even_image, arrays, sequence.frames, sequence.image_rows, float(seen.limits.saturation))
+    clipped = relight(even_image, arrays, sequence.frames, sequence.image_rows, float(seen.limits.saturation))
     telling = seen.limits
     if noise is not None:
         telling = telling._replace(saturation=np.minimum(telling.saturation, np.float32(noise.upto)))
@@ -163,7 +163,7 @@ def decode(
         if periods := sequence.sine_periods(k):
             take_waves_out(found.place[k].reshape(found.shape), periods)
     _draw_and_doubt(found, sequence, seen)
-    phase = _phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps)
+    phase = replace(_phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps), clipped=clipped)
     if options.estimate and (alone := codes_alone(seen.tables)):
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
     return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase

@@ -20,14 +20,21 @@ SOME, FEWEST = 20000, 100  # pixels below full scale that tell the share
 DIM = 0.3  # part of the brightest pixels' amplitude that these must have
 
 
-def relight(image: Singles, images: Sequence[Image], frames: SortedFrames, rows: Rows, saturation: float) -> None:
-    """Correct the even image (H, W), the `rows` of all frames, in place where one of these is at full scale."""
+def relight(
+    image: Singles, images: Sequence[Image], frames: SortedFrames, rows: Rows, saturation: float
+) -> NDArray[np.bool_] | None:
+    """Correct the even image (H, W), the `rows` of all frames, in place where one of these is at full scale.
+
+    The answer (H, W) is where that was not possible, None where there was nothing to correct.
+    """
     weights = dict(zip(rows.column[: rows.first[1]].tolist(), rows.value[: rows.first[1]].tolist(), strict=True))
     phases = [p for axis in frames.axes.values() for p in axis.phases if None not in map(grey_reason, p.patterns)]
     # white is the brightest
-    if not weights or not phases or all(images[n].max() < saturation for n in frames.white or weights):
-        return
+    if not weights or all(images[n].max() < saturation for n in frames.white or weights):
+        return None
     cut = np.any([images[n] >= saturation for n in weights], axis=0).ravel()
+    if not phases:
+        return cut.reshape(image.shape)
     whole, left = np.flatnonzero(~cut), np.flatnonzero(cut)
     whole = whole[:: max(1, len(whole) // SOME)]
     more, nothing = np.zeros(len(left), np.float32), np.full(len(left), np.nan, np.float32)
@@ -51,6 +58,8 @@ def relight(image: Singles, images: Sequence[Image], frames: SortedFrames, rows:
     for n, grey in zip(others, _at(images, others, left), strict=True):
         more += np.float32(weights[n]) * np.where(grey >= saturation, on - grey, 0).astype(np.float32)
     image.reshape(-1)[left] += np.where(np.isfinite(more), more, 0)
+    cut[left] = ~np.isfinite(more)
+    return cut.reshape(image.shape)
 
 
 def _at(images: Sequence[Image], numbers: Sequence[int], pixels: NDArray[np.intp]) -> Singles:

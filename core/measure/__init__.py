@@ -36,7 +36,7 @@ kernels.py        the two loops over pixels
 
 from core.measure.circles import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
-from core.measure.features import find_circles, measure_feature
+from core.measure.features import edge_at, find_circles, measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
 from core.measure.missing import OUTSIDE
 from core.measure.propose import find_dots, propose_picks
@@ -48,7 +48,7 @@ from core.measure.view import View
 
 __all__ = [
     "ESTIMATORS", "OUTSIDE", "SAME", "TARGET_KINDS", "Labelling", "Marks", "Sight", "TargetKind", "Turned", "View",
-    "dot_at", "eccentricity", "find_circles", "find_dots", "kind_of", "labellings", "measure_feature",
+    "dot_at", "eccentricity", "edge_at", "find_circles", "find_dots", "kind_of", "labellings", "measure_feature",
     "measure_targets", "measured_view", "placed", "predicted_view", "propose_picks", "recentred", "recognise",
     "solve_turns", "symmetries", "unmeasured", "unturned",
 ]  # fmt: skip

@@ -30,6 +30,8 @@ GROSS, ROUGH = 5.0, 4.0  # standard deviations: of single points, and of all whe
 SIDES, AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1)), 0.1  # share of the ring's points that each side has at least
 WITHIN_PX, MOSTLY = 1.0, 5.0  # inside a mark, whose surface is taken where it tells so many times more
 FEWEST_PIXELS, FEWEST_POINTS = 25, 20
+FEWEST_ALIKE = 0.25  # share of an edge's pixels that look like one; half do where a lit wall is seen through a hole
+CLIPPED = 0.2  # share of the pixels about a feature, not all of whose light is known, that explains why none is found
 PASSES = 3
 MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to be
 MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
@@ -39,6 +41,7 @@ CONTOUR = 360  # places of a contour that are carried to the surface
 UNLIKE, OTHER = 0.1, 0.2  # of the step at an edge: what is farther off counts less, and not: a lit wall behind a hole
 BESIDE_PX = 5  # side of the square around each of these that is left out
 SORTING = 3.0  # of the variance of half the difference: with it sorted axes of a circle hold their sigmas, in the mean
+OVEREXPOSED = "expose shorter, or with several exposures, until the surface around it is below full scale"
 NEAR_PX = 1e-7  # over which slopes are taken
 CONTRAST = 10.0  # standard deviations of the grey values that an edge must step by
 
@@ -91,10 +94,21 @@ def measure_feature(
     Raises
     ------
     InputError
-        If there is no edge, or too little surface beside it.
+        If it is no place of a feature, there is no edge, it is overexposed, or too little surface is beside it.
     """
-    edge = FEATURES[kind](np.asarray(given, np.float64))
-    shape, shape_cov, blur, pixels = _seen(edge, phase.image, where)
+    edge = edge_at(kind, given, where)
+    if phase.image.shape != cloud.valid.shape:
+        (h, w), (height, width) = phase.image.shape, cloud.valid.shape
+        raise InputError(where, f"{width} x {height} points, {w} x {h} px", "give the points of this image's pixels")
+    image = phase.image if phase.clipped is None else np.where(phase.clipped, np.nan, phase.image)
+    try:
+        shape, shape_cov, blur, pixels = _seen(edge, image, where)
+    except InputError as error:
+        every = np.indices(image.shape)[::-1].reshape(2, -1).T.astype(np.float64)
+        lost = np.isnan(image).ravel()[edge.near(every)]
+        if np.count_nonzero(lost) > CLIPPED * lost.size:
+            raise InputError(where, f"{lost.mean():.0%} of the pixels about it are overexposed", OVEREXPOSED) from error
+        raise
     surface, surface_cov, middle, scale = _surface(edge, shape, cloud, where)
     own, k = np.concatenate([shape, surface]), len(shape)
     whole = np.zeros((len(own), len(own)))
@@ -127,6 +141,18 @@ def measure_feature(
         blur_px=blur,
         pixels=pixels,
     )
+
+
+def edge_at(kind: str, given: Array, where: str) -> Edge:
+    """Give the edge of a kind of feature where it approximately is; InputError if that is no place of one."""
+    if kind not in FEATURES:
+        raise InputError(where, f"{kind!r} is no kind of feature", f"choose among {', '.join(FEATURES)}")
+    words, make = FEATURES[kind]
+    numbers = np.asarray(given, np.float64).ravel()
+    whole = len(numbers) == words.count(",") + 1 and np.isfinite(numbers).all()
+    if not whole or (numbers[2] <= 0 if kind == "circle" else np.array_equal(numbers[:2], numbers[2:])):
+        raise InputError(where, f"is no {kind}", f"give {words} in px")
+    return make(numbers)
 
 
 def _sigma_of_lengths(lengths: Array, covariance: Array) -> Array:
@@ -182,7 +208,7 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
         unlike = np.zeros(image.shape, np.uint8)
         unlike[tuple(at[np.abs(fit.fun) > limit].astype(int).T[::-1])] = 1
         alike = cv2.dilate(unlike, np.ones((BESIDE_PX, BESIDE_PX)))[tuple(at.astype(int).T[::-1])] == 0
-        if np.count_nonzero(alike) < FEWEST_PIXELS:
+        if np.count_nonzero(alike) < max(FEWEST_PIXELS, FEWEST_ALIKE * len(at)):
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
         at, chosen = at[alike], (at[alike], grey[alike], off[alike], Lay(*(each[alike] for each in lay)))
         fit = least_squares(rest, fit.x, slopes, x_scale="jac", max_nfev=50, args=chosen)
@@ -224,7 +250,10 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
     contour = edge.contour(shape)
     middle = contour.mean(axis=0)
     scale = float(np.linalg.norm(contour - middle, axis=1).max())
-    rows, columns = np.nonzero(np.isfinite(cloud.xyz_mm[..., 2]))
+    usable = cloud.valid & (cloud.xyz_mm[..., 2] < 0)
+    if cloud.sigma_depth_mm is not None:
+        usable &= cloud.sigma_depth_mm > 0
+    rows, columns = np.nonzero(usable)
     at = np.stack([columns, rows], axis=1).astype(np.float64)
     at = at[near := edge.near(at)]
     away = edge.distance(shape, at)
@@ -341,4 +370,7 @@ def _straight(given: Array) -> Edge:
     )
 
 
-FEATURES: dict[str, Callable[[Array], Edge]] = {"circle": _round, "line": _straight}
+FEATURES: dict[str, tuple[str, Callable[[Array], Edge]]] = {
+    "circle": ("U,V,RADIUS", _round),
+    "line": ("U,V,U,V", _straight),
+}  # how each is given, and its edge

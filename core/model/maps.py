@@ -27,7 +27,7 @@ class PhaseMap:
     residual of a pixel's frames over its expectation: far above 1 where it sees motion, two surfaces, or light by
     detours. `notes` (`Note`) say in sentences what is wrong with the capture, and the remedy.
     `gaps` is the share of grey values that no frame takes although frames take values just below and above; None where
-    nobody asked.
+    nobody asked. `clipped` is where `image` lacks light that frames at full scale did not see; None where it is whole.
     """
 
     u: Floats
@@ -43,6 +43,7 @@ class PhaseMap:
     camera: str = "camera"
     projector: str = "projector"
     gaps: float | None = None
+    clipped: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)

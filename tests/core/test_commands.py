@@ -245,5 +245,5 @@ def test_numbers_that_measure_or_count_nothing_are_refused(words: list[str], cal
     assert main([words[0], str(calibrated), *words[1:]]) == 2
     option, value = words[-1].split("=")
     assert capsys.readouterr().err.startswith(
-        (f"stripe-core: {option}: is {value};", f"stripe-core: {option}: '{value}';")
+        (f"stripe-core: {option}: is {value};", f"stripe-core: {option} {value}: is no {option[2:]};")
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -177,3 +179,43 @@ def test_where_no_edge_is_none_is_found() -> None:
     phase, cloud = noisy(seen(MIDDLE + 500 * ACROSS[0], 1.0), rng)
     with pytest.raises(InputError, match="edge"):
         measure_feature("circle", np.array([70.0, 60.0, 8.0]), phase, cloud, CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("kind", "given", "sentence"),
+    [
+        ("circle", [20, 20, 0], "is no circle; give U,V,RADIUS in px"),
+        ("circle", [20, 20, -8], "is no circle; give U,V,RADIUS in px"),
+        ("circle", [20, np.nan, 8], "is no circle; give U,V,RADIUS in px"),
+        ("circle", [20, 20], "is no circle; give U,V,RADIUS in px"),
+        ("line", [20, 20, 20, 20], "is no line; give U,V,U,V in px"),
+        ("line", [20, 20, np.inf, 20], "is no line; give U,V,U,V in px"),
+        ("slot", [20, 20, 8], "'slot' is no kind of feature; choose among circle, line"),
+    ],
+)
+def test_what_is_no_place_of_a_feature_is_told(kind: str, given: list[float], sentence: str) -> None:
+    """Before, a singular matrix, a division by zero, or a key that is missing."""
+    phase, cloud = noisy(seen(MIDDLE, 8.0), np.random.default_rng(5))
+    with pytest.raises(InputError, match=f"^hole: {re.escape(sentence)}$"):
+        measure_feature(kind, np.array(given, float), phase, cloud, CAMERA, "hole")
+
+
+def test_points_that_cannot_be_are_none() -> None:
+    """In front of the wrong side of the camera, or with a sigma of zero; or they are of another image."""
+    phase, cloud = noisy(seen(MIDDLE, 8.0), np.random.default_rng(5))
+    place = np.array([*project(SPEC, CAMERA.interior, MIDDLE), 8.0])
+    for wrong in (replace(cloud, xyz_mm=-cloud.xyz_mm), replace(cloud, sigma_depth_mm=0 * cloud.sigma_depth_mm)):
+        with pytest.raises(InputError, match="0 points lie on the surface beside the edge"):
+            measure_feature("circle", place, phase, wrong, CAMERA)
+    with pytest.raises(InputError, match="150 x 60 points, 150 x 120 px"):
+        measure_feature("circle", place, phase, PointCloud(cloud.xyz_mm[:60]), CAMERA)
+
+
+def test_grey_values_of_two_levels_tell_no_edge() -> None:
+    """The few pixels that any ellipse fits put it 1 px beside, with a sigma of 0.0001."""
+    phase, cloud = noisy(seen(MIDDLE + np.array([-3.3, 2.7]) @ ACROSS, 8.0), np.random.default_rng(5))
+    u, v = project(SPEC, CAMERA.interior, MIDDLE + np.array([-3.3, 2.7]) @ ACROSS)
+    y, x = np.indices(phase.image.shape)
+    two = replace(phase, image=np.where(np.hypot(x - u, y - v) < 8, 0, 255).astype(np.float32))
+    with pytest.raises(InputError, match="edge"):
+        measure_feature("circle", np.array([u, v, 8.0]), two, cloud, CAMERA)

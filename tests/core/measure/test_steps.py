@@ -7,9 +7,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from core.decode import decode
+from core.errors import InputError
 from core.measure import measure_feature
 from core.measure.steps import LEAST_NOISE, MOST_LEVERAGE, Lay, covariance, light_within
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PointCloud
+from core.patterns import brightness, parse_sequence
 
 N, FINE, MARGIN = 30, 12, 4
 SPEC = DeviceSpec(N, N, (0.01, 0.01), 10.0)
@@ -57,6 +60,35 @@ def test_centres_and_radii_hold_their_sigmas(radius: float, shift_px: float) -> 
             f = measure_feature("circle", np.array([u, v, radius]), phase, cloud, CAMERA)
             off.append([*(f.uv - (u, v)) / np.sqrt(np.diagonal(f.uv_cov)), (f.size_mm[0] - radius) / f.size_mm[1]])
     assert np.all(np.abs(np.sqrt(np.mean(np.square(off), axis=0)) - 1) < 0.3), off  # 24 deviates: 1 +- 0.14
+
+
+def hole_overexposed(times: float, radius: float, rng: np.random.Generator) -> tuple[PhaseMap, PointCloud, np.ndarray]:
+    """Decode a hole in a plate that is so many times too bright, with its points and place."""
+    place = rng.uniform(14.0, 15.0, 2)
+    light = times * 250 * (1 - 0.95 * disc(*place, radius, 0.45))
+    lines, frames = np.rint(np.indices((N, N))[::-1] * 1.3 + 9).astype(int), []
+    patterns = parse_sequence("gray-inverse:steps=0,cell=1").patterns((64, 64))
+    for pattern in patterns:
+        shown = brightness(pattern, lines[1 if getattr(pattern, "axis", "x") == "y" else 0])
+        frames.append(np.clip(light * (0.02 + shown) + rng.normal(4, 0.7, (N, N)), 0, 255).round().astype(np.uint8))
+    phase = decode(patterns, frames, lines=(64, 64))
+    xyz = np.stack(
+        [*(np.indices((N, N))[::-1] - (N - 1) / 2) * [[[1.0]], [[-1.0]]], np.full((N, N), -DEPTH_MM)], axis=-1
+    )
+    return phase, PointCloud(np.where(np.isfinite(phase.u)[..., None], xyz, np.nan)), place
+
+
+def test_overexposed_ground_does_not_make_holes_small() -> None:
+    """By the grey values at full scale the radius is 0.2 px too small, with a sigma of 0.004."""
+    rng, off = np.random.default_rng(14), []
+    for _ in range(6):
+        phase, cloud, place = hole_overexposed(1.4, 5.0, rng)
+        f = measure_feature("circle", np.array([*place, 5.0]), phase, cloud, CAMERA)
+        off.append([*(f.uv - place) / np.sqrt(np.diagonal(f.uv_cov)), (f.size_mm[0] - 5.0) / f.size_mm[1]])
+        assert abs(f.size_mm[0] - 5.0) < 0.03
+    assert np.sqrt(np.mean(np.square(off))) < 1.7, off  # 18 deviates: 1 +- 0.17
+    with pytest.raises(InputError, match="% of the pixels about it are overexposed"):
+        measure_feature("circle", np.array([14.5, 14.5, 5.0]), *hole_overexposed(8.0, 5.0, rng)[:2], CAMERA)
 
 
 def pixels_of_a_fit(n: int, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
