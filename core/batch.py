@@ -25,13 +25,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from core.atomic import is_leftover
 from core.errors import InputError, StripeError
 from core.fields import kept_object, text_of
-from core.figures import evaluation_figures, phase_figures
+from core.figures import evaluation_figures, phase_figures, verdict_figures
 from core.lazy import dataclass
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
 from core.pipeline import find_capture, load_calibrations, phase_maps, read_phase, write_cloud, write_phase
 from core.pipeline.evaluate import covers, judge_plane
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
+from core.pipeline.judge import judge_points, said_of
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from core.project import read_capture, read_project, save_archive, write_json
@@ -279,7 +280,9 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
         cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)
-        return {"method": method, "points": write_cloud(path, phase.image, cloud)}
+        cloud = judge_points(cloud, {job.name: said_of(job.capture, [phase], calibration)}, method, calibration)
+        points = write_cloud(path, phase.image, cloud)
+        return {"method": method, "points": points, "verdict": verdict_figures(cloud.verdict)}
     planes = judge_plane(job.project, job.capture, phase, calibrations)
     save_archive(path, planes)
     return evaluation_figures(planes)["planes"]

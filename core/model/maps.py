@@ -57,6 +57,7 @@ class PointCloud:
     source: NDArray[np.uint8] | None = None  # (H, W), by which of the cameras a joined cloud has it
     object_px: int | None = None  # that the object takes in the first camera's image, where its holes were filled
     by_depth: bool = False  # from the depth method: its sigma leaves out the errors of the plate's places
+    verdict: Verdict | None = None  # None: nobody judged them
 
     @property
     def valid(self) -> NDArray[np.bool_]:

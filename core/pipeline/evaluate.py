@@ -5,19 +5,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.errors import AdjustmentError, InputError, NoCoordinateError
+from core.errors import InputError, NoCoordinateError
 from core.figures import evaluation_figures
-from core.geometry import knows, pair_of
+from core.geometry import knows
 from core.model import (
     Calibration,
     Capture,
     Method,
-    Pair,
     PhaseMap,
     PhotogrammetricCalibration,
     PlaneEvaluation,
@@ -30,7 +28,7 @@ from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import because_of
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.inputs import evaluated_from
-from core.pipeline.judge import calibration_rms, judge_planes
+from core.pipeline.judge import calibration_rms, judge_planes, said_of
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import calibration_hashes
 from core.pipeline.views import intersectable, joint_clouds
@@ -47,7 +45,6 @@ TOGETHER = "all devices"  # in place of the projector, where all that saw a poin
 CAMERAS = "all cameras"  # where no projector is calibrated
 MODULES = ("core.evaluate.planes", "core.orient.motion", "core.reconstruct.points", "numpy.random")
 COMPARED = 3  # frames of planes that stand at one place
-OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to a plane
 
 # with it the form of the deviations, what the calibration alone makes of them, mm r.m.s., and what is said of it
 Row = tuple[PlaneEvaluation, "Form", float, Sequence[str]]
@@ -134,7 +131,7 @@ def _judge(
                 if len(intersectable(together, calibration)) > 1:
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
                     by = TOGETHER if calibration.projectors else CAMERAS
-                    said = () if calibration.projectors else _said_of_cameras(capture, together, calibration)
+                    said = () if calibration.projectors else said_of(capture, together, calibration)
                     for camera, cloud in clouds.items():
                         whole = united([p for p in together if p.camera == camera])
                         found.append(_judged(capture, whole, name, calibration, cloud, said, by))
@@ -219,8 +216,7 @@ def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Cal
     """Judge a plane by one pair of devices."""
     progress.check()
     cloud = METHODS[name].reconstruct(phase, calibration, False, progress.quiet())
-    said = (*capture.notes, *phase.notes, *_moved(phase, calibration, capture.name))
-    return _judged(capture, phase, name, calibration, cloud, said, phase.projector)
+    return _judged(capture, phase, name, calibration, cloud, said_of(capture, [phase], calibration), phase.projector)
 
 
 def _judged(
@@ -249,41 +245,6 @@ def _judged(
     form = form_of(row.deviation_mm)
     told = replace(row, devices=(phase.camera, by), form_pv_um=form.pv_um, noisy=is_noise(row, form))
     return told, form, calibration_rms(cloud), said
-
-
-def _said_of_cameras(
-    capture: Capture, phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibration
-) -> tuple[str, ...]:
-    """What a capture says of itself where the projector only labels places; elsewhere its pairs have said it."""
-    from core.reconstruct import seen_by_other
-
-    said = [*capture.notes, *(note for phase in phases for note in phase.notes)]
-    for own, other in combinations(phases, 2):
-        if own.projector == other.projector and {own.camera, other.camera} <= set(calibration.devices):
-            pair = pair_of(calibration, own.camera, other.camera)
-            said += _moved(seen_by_other(own, other), pair, capture.name)
-    return tuple(said)
-
-
-def _moved(phase: PhaseMap, calibration: Calibration | Pair, capture: str) -> tuple[str, ...]:
-    """Say whether two devices see a plane off each other's epipolar lines."""
-    from core.orient import find_motion
-
-    if not isinstance(calibration, PhotogrammetricCalibration | Pair):
-        return ()
-    try:
-        motion = find_motion(phase, calibration, capture=capture)
-    except InputError:  # one axis, or too few pixels
-        return ()
-    except AdjustmentError as error:
-        return (f"{error.seen}: {error.remedy}",)
-    if not motion.moved or motion.residual_rms < OFF_EPIPOLAR * motion.corrected_rms:
-        return ()
-    return (
-        f"{phase.camera} and {phase.projector} do not see it as they were calibrated: epipolar residuals of "
-        f"{motion.residual_rms:.2g} where noise leaves {motion.corrected_rms:.2g} (p = {motion.p:.1g}): one of them "
-        "moved since, or the frames are shifted or of another rig; see `stripe-core orient`, or calibrate again",
-    )
 
 
 def load_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:

@@ -1,31 +1,41 @@
-"""The verdicts on calibrations and planes: what `core.checks` finds in a project's results, put together."""
+"""The verdicts on calibrations, planes and points: what `core.checks` finds in a project's results, put together."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from core.errors import AdjustmentError, InputError
+from core.geometry import knows, pair_of
 from core.model import (
     Adjustment,
     Calibration,
+    Capture,
     Concern,
     Method,
     Network,
+    Pair,
+    PhaseMap,
+    PhotogrammetricCalibration,
     PlaneEvaluation,
     PointCloud,
     Verdict,
+    named_by,
     verdict_of,
 )
-from core.pipeline.evidence import Evidence, noted
+from core.pipeline.evidence import HARMLESS, Evidence, noted
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
 from core.project.images import read_image
 
 if TYPE_CHECKING:
     from core.checks.planes import Form
+
+OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to points
 
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
@@ -99,12 +109,64 @@ def judge_planes(
         concerns = plane_concerns(e, *seen[e.capture, e.method, *e.devices])
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
         named = [c for c in common if c.about in ("", e.capture)]
-        basis = (verdicts or {}).get(e.method)
-        if basis is not None and basis.state != "passed" and basis.because:
-            state: Literal["failed", "doubtful"] = "failed" if basis.state == "failed" else "doubtful"
-            named.append(Concern(state, f"its {e.method} calibration is {basis.state}: {basis.because[0]}"))
+        named += based_on(e.method, (verdicts or {}).get(e.method))
         judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], plane_words(e))))
     return tuple(judged)
+
+
+def judge_points(
+    cloud: PointCloud, said: Mapping[str, Sequence[str]], method: Method, calibration: Calibration
+) -> PointCloud:
+    """Judge points by what their captures say of themselves (`said_of`, by name), and by their calibration."""
+    notes = {name: [note for note in own if named_by(note) not in HARMLESS] for name, own in said.items()}
+    return replace(cloud, verdict=verdict_of([*based_on(method, calibration.verdict), *noted(notes)]))
+
+
+def based_on(method: Method, verdict: Verdict | None) -> list[Concern]:
+    """Say what a calibration's verdict means for what is made with it, which is no better."""
+    if verdict is None or verdict.state == "passed" or not verdict.because:
+        return []
+    state: Literal["failed", "doubtful"] = "failed" if verdict.state == "failed" else "doubtful"
+    return [Concern(state, f"its {method} calibration is {verdict.state}: {verdict.because[0]}")]
+
+
+def said_of(capture: Capture, phases: Sequence[PhaseMap], calibration: Calibration | Pair) -> tuple[str, ...]:
+    """What a capture and its phase maps say of themselves, and whether its devices stood as they were calibrated.
+
+    Cameras are held against each other where the projector only labels places. A corrected pair stands as it should.
+    """
+    said: list[str] = [*capture.notes, *(note for phase in phases for note in phase.notes)]
+    if isinstance(calibration, PhotogrammetricCalibration) and calibration.projectors:
+        for phase in phases:
+            if knows(calibration, phase.camera, phase.projector):
+                said += _moved(phase, calibration, capture.name)
+    elif isinstance(calibration, PhotogrammetricCalibration):
+        from core.reconstruct import seen_by_other
+
+        for own, other in combinations(phases, 2):
+            if own.projector == other.projector and {own.camera, other.camera} <= set(calibration.devices):
+                pair = pair_of(calibration, own.camera, other.camera)
+                said += _moved(seen_by_other(own, other), pair, capture.name)
+    return tuple(dict.fromkeys(said))
+
+
+def _moved(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair, capture: str) -> tuple[str, ...]:
+    """Say whether two devices see an object off each other's epipolar lines."""
+    from core.orient import find_motion
+
+    try:
+        motion = find_motion(phase, calibration, capture=capture)
+    except InputError:  # one axis, or too few pixels
+        return ()
+    except AdjustmentError as error:
+        return (f"{error.seen}: {error.remedy}",)
+    if not motion.moved or motion.residual_rms < OFF_EPIPOLAR * motion.corrected_rms:
+        return ()
+    return (
+        f"{phase.camera} and {phase.projector} do not see it as they were calibrated: epipolar residuals of "
+        f"{motion.residual_rms:.2g} where noise leaves {motion.corrected_rms:.2g} (p = {motion.p:.1g}): one of them "
+        "moved since, or the frames are shifted or of another rig; see `stripe-core orient`, or calibrate again",
+    )
 
 
 def calibration_rms(cloud: PointCloud) -> float:

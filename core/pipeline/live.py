@@ -21,7 +21,7 @@ from core.model import DriftPoint, Floats, Method, Pair, PhaseMap, Photogrammetr
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.capture import virtual_cameras, virtual_rig
 from core.pipeline.folders import check_names
-from core.pipeline.method import CalibrationMethod
+from core.pipeline.judge import based_on
 from core.pipeline.methods import METHODS
 from core.pipeline.reconstruct import check_cloud, check_pair, write_cloud
 from core.pipeline.views import joint_clouds
@@ -120,7 +120,7 @@ def live_cycles(
     cameras = _cameras(project, camera, "" if record.joint else usual)
     check_names(project, "camera", cameras)
     check_names(project, "projector", [shown_by])
-    maker = _Maker(project, record, calibration, tuple(cameras), shown_by)
+    maker = _Maker(project, chosen, calibration, tuple(cameras), shown_by)
     patterns = None if sequence is None else sequence.patterns(maker.lines)
     ended = threading.Event()
     watching = Progress(cancelled=lambda: ended.is_set() or progress.cancelled())
@@ -165,15 +165,17 @@ class _Maker:
     """Makes points of a sequence, and holds the rig of every cycle against those before it."""
 
     def __init__(
-        self, project: Project, method: CalibrationMethod, calibration: Any, cameras: tuple[str, ...], projector: str
+        self, project: Project, name: Method, calibration: Any, cameras: tuple[str, ...], projector: str
     ) -> None:
-        self._method, self._calibration, self._cameras, self._projector = method, calibration, cameras, projector
+        self._method, self._calibration, self._cameras, self._projector = METHODS[name], calibration, cameras, projector
+        self._basis = [concern.text for concern in based_on(name, calibration.verdict)]
         shown_by = project.rig.projectors[projector]
         self.lines = shown_by.width, shown_by.height
         self._watches: dict[tuple[str, str], _Watch] = {}
-        if len(cameras) > 1 and not method.joint:
-            raise InputError("--camera", f"the {method.title} is of one camera, not of {len(cameras)}", "name one")
-        check_pair(project, method, calibration, cameras[0], projector)
+        if len(cameras) > 1 and not self._method.joint:
+            seen = f"the {self._method.title} is of one camera, not of {len(cameras)}"
+            raise InputError("--camera", seen, "name one")
+        check_pair(project, self._method, calibration, cameras[0], projector)
         if not isinstance(calibration, PhotogrammetricCalibration):
             return
         if len(cameras) == 1:
@@ -187,7 +189,7 @@ class _Maker:
         """Make the points of a sequence, and write them if a file is named."""
         from core.decode import decode
 
-        phases, notes = {}, []
+        phases, notes = {}, [*self._basis]
         for camera, images in taken.images.items():
             phase = decode(list(taken.patterns), list(images), lines=self.lines, where=f"cycle {number}, {camera}")
             phases[camera] = replace(phase, camera=camera, projector=self._projector)

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from core.errors import InputError
-from core.figures import picked
+from core.figures import picked, verdict_figures
 from core.geometry import pair_of, rotation_vector_from_matrix
 from core.lazy import dataclass
 from core.model import (
@@ -27,6 +27,7 @@ from core.model import (
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import find_capture, result_path
+from core.pipeline.judge import judge_points, said_of
 from core.pipeline.measure import boards_of, measured_targets
 from core.pipeline.orient import signature_of
 from core.progress import SILENT, Progress
@@ -87,11 +88,13 @@ def merge_captures(
     starts = starts_of(views, calibration, progress.part(0.5, 0.6))
     found = register(views, calibration, starts, by=by, progress=progress.part(0.6, 0.8))
     everywhere = at_stations(calibration, found, pair[0])
-    parts = joined(phases, [capture.name for capture in captures], everywhere, progress.part(0.8, 1.0))
+    cloud, image, sources = joined(phases, [capture.name for capture in captures], everywhere, progress.part(0.8, 1.0))
+    said = {c.name: said_of(c, seen, calibration) for c, seen in zip(captures, phases, strict=True)}
+    cloud = judge_points(cloud, said, "photogrammetric", calibration)
     sigmas = found.sigmas(calibration.covariance)
     with suppress(InputError):  # the project may only be read
         save_archive(result_path(project, KEPT), (found, sigmas, signature_of(pair_of(calibration, *pair))))
-    return Merged(*parts, found, sigmas)
+    return Merged(cloud, image, sources, found, sigmas)
 
 
 def kept_registration(
@@ -166,6 +169,7 @@ def merge_figures(merged: Merged) -> Figures:
             for name, pose, sigma in zip(found.captures[1:], found.poses[1:], merged.pose_sigmas, strict=True)
         ],
         "overlaps": [picked(o, "captures kind number misfit") for o in found.overlaps],
+        "verdict": verdict_figures(merged.cloud.verdict),
     }
 
 

@@ -11,6 +11,7 @@ from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, Poi
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.decode import decode_series, one_series, phase_maps
 from core.pipeline.folders import find_capture
+from core.pipeline.judge import judge_points, said_of
 from core.pipeline.method import CalibrationMethod
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import oriented
@@ -34,25 +35,29 @@ def reconstruct_capture(
 
     With `orient` the projector stands where `orient_capture(..., correct=True)` found it. `camera` and `projector`
     choose whose frames, where the capture holds those of several; points are in that camera's frame. Where cameras
-    alone are calibrated, the others of the capture have a part in them.
+    alone are calibrated, the others of the capture have a part in them. The points' verdict says what the capture and
+    the calibration leave in doubt.
     """
     chosen, calibration = chosen_calibration(project, method)
     record = METHODS[chosen]
     capture = one_series(find_capture(project, name), camera, projector)
     check_pair(project, record, calibration, capture.camera, capture.projector)
+    used = calibration
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")
-        calibration = oriented(project, capture, calibration)
+        used = oriented(project, capture, calibration)
     cameras_alone = isinstance(calibration, PhotogrammetricCalibration) and not calibration.projectors
     if cameras_alone and capture.camera in calibration.devices:
         due = [s for s in find_capture(project, name).series if s.projector == capture.projector]
         phases = {phase.camera: phase for _, phase in phase_maps(project, due, progress.part(0.0, 0.5))}
-        clouds = joint_clouds([*phases.values()], calibration, camera=capture.camera, progress=progress.part(0.5, 1.0))
-        return phases[capture.camera], clouds[capture.camera]
-    phase = decode_series(capture, project, progress.part(0.0, 0.5))
-    cloud = record.reconstruct(phase, calibration, extrapolate, progress.part(0.5, 1.0))
-    return phase, cloud
+        seen = [*phases.values()]
+        clouds = joint_clouds(seen, calibration, camera=capture.camera, progress=progress.part(0.5, 1.0))
+        phase, cloud = phases[capture.camera], clouds[capture.camera]
+    else:
+        phase = decode_series(capture, project, progress.part(0.0, 0.5))
+        seen, cloud = [phase], record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
+    return phase, judge_points(cloud, {capture.name: said_of(capture, seen, used)}, chosen, calibration)
 
 
 def check_pair(project: Project, record: CalibrationMethod, calibration: Any, camera: str, projector: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import field, replace
 from pathlib import Path
 
 from core.errors import Cancelled, InputError, StripeError
-from core.figures import phase_figures
+from core.figures import phase_figures, verdict_figures
 from core.lazy import dataclass
 from core.model import Capture, Figures, Method, Project
 from core.parallel import on_processes
@@ -174,7 +174,10 @@ def keep_points(
         )
         progress.check()
         write_cloud(path, phase.image, cloud)
-        write_json(path.with_suffix(".json"), {"files": {path.name: hash_file(path)}, "made_from": record})
+        verdict = verdict_figures(cloud.verdict)
+        write_json(
+            path.with_suffix(".json"), {"files": {path.name: hash_file(path)}, "made_from": record, "verdict": verdict}
+        )
         contents_of(project.path).keep()
     return path
 

@@ -12,6 +12,7 @@ from core.model import Capture, Figures, Floats, PhaseMap, PhotogrammetricCalibr
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
 from core.pipeline.folders import find_capture
+from core.pipeline.judge import judge_points, said_of
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import current_runs
 from core.progress import SILENT, Progress
@@ -66,10 +67,9 @@ def reconstruct_views(
             clouds[first], others, means, calibration, first, progress=progress.part(0.8, 1.0)
         )
     images = {phase.camera: phase.image for phase in phases}
-    if camera:
-        return images[camera], clouds[camera]
-    cloud, image = merged(clouds, images, calibration)
-    return image, cloud
+    cloud, image = (clouds[camera], images[camera]) if camera else merged(clouds, images, calibration)
+    said = {capture.name: said_of(capture, phases, calibration)}
+    return image, judge_points(cloud, said, "photogrammetric", calibration)
 
 
 def coverage(cloud: PointCloud) -> Figures:

@@ -2049,7 +2049,7 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
     <message>
         <source>Reference rig: SONY XC75, cross-pattern LCD</source>
-        <extracomment>from either device to the middle of the object plane from device to device its place in the plan: x along the base, y from the object plane (0) away; the object&apos;s middle is the origin field_mm, angle_deg: width and height of its field square to its axis at the working distance, and the angles they span where its outermost rays meet the object plane one pixel, or one line, at the working distance angle between the axes width in the object plane that both cover how far a point moves along the camera&apos;s axis while the projector&apos;s coordinate changes by one line</extracomment>
+        <extracomment>from either device to the middle of the object plane from device to device its place in the plan: x along the base, y from the object plane (0) away; the object&apos;s middle is the origin width and height of its field square to its axis at the working distance where its outermost rays meet the object plane one pixel, or one line, at the working distance angle between the axes width in the object plane that both cover how far a point moves along the camera&apos;s axis while the projector&apos;s coordinate changes by one line</extracomment>
         <translation>Referenzaufbau: SONY XC75, Kreuzmuster-LCD</translation>
     </message>
     <message>
@@ -2721,6 +2721,10 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     <message>
         <source>{n} points.</source>
         <translation>{n} Punkte.</translation>
+    </message>
+    <message>
+        <source>points</source>
+        <translation>Punkte</translation>
     </message>
     <message>
         <source>{name} is not reconstructed yet.</source>

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PySide6.QtWidgets import QCheckBox, QComboBox, QStackedWidget
 
-from core.model import Floats, PointCloud
+from core.model import Floats, PointCloud, Verdict
 from core.pipeline import Merged, coverage, keep_points, reconstruct_views, seen_by_several
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.maps import MapView
@@ -33,6 +33,7 @@ from stripe_gui.presenters.work import export_points, merge_points
 from stripe_gui.widgets.health_strip import HealthStrip
 from stripe_gui.widgets.layout import boxed, choice, column, refill
 from stripe_gui.widgets.space_view import SpaceView
+from stripe_gui.widgets.verdict import VerdictList
 from stripe_gui.workbench import Workbench
 
 
@@ -70,7 +71,9 @@ class ReconstructPage(MapPage):
         self.space = SpaceView(self.tr("Points in space"))
         self.stack.addWidget(self.space)
         self.health = HealthStrip(bench)
+        self.verdicts = VerdictList()
         self.body.addWidget(self.health)
+        self.body.addWidget(self.verdicts)
         self.lay_out(boxed(column(self.state, self.stack, spacing=8)), before=(self.method, self.fill))
         self.offer(KINDS, kind_name)
 
@@ -135,6 +138,7 @@ class ReconstructPage(MapPage):
         sigma = float(np.sqrt((sigmas**2).sum(axis=1)).max())
         told = said.format(n=len(merged.registration.captures), sigma=sigma)
         self.say(f"{told}&emsp;{words}", rich=True)
+        self._judged(merged.cloud.verdict)
         self._points = None
         self.space.show_scene(scene)
         self.stack.setCurrentWidget(self.space)
@@ -210,6 +214,7 @@ class ReconstructPage(MapPage):
         if covered := coverage(made[1]):
             said.append(self.tr("Of the object {by_code:.1%} by code, {filled:.1%} with texture.").format(**covered))
         self.say("&emsp;".join([*said, words]), rich=True)
+        self._judged(made[1].verdict)
         self.space.show_scene(scene)
         self.stack.setCurrentWidget(self.space)
 
@@ -225,6 +230,7 @@ class ReconstructPage(MapPage):
         self._points = points
         share = points.count / max(1, points.xyz_mm[..., 2].size)
         self.say(self.tr("{n} points, {p:.1%} of the image.").format(n=points.count, p=share) + stale)
+        self._judged(points.verdict)
         self.choose()
 
     def _shown(self, points: Points, made: MapView | Scene | None) -> None:
@@ -248,3 +254,9 @@ class ReconstructPage(MapPage):
         self.stack.setCurrentWidget(self.view)
         self.show_map(None)
         self.say(text)
+        self._judged(None)
+
+    def _judged(self, verdict: Verdict | None) -> None:
+        """Say what speaks against the points."""
+        doubted = verdict is not None and verdict.state != "passed"
+        self.verdicts.show_verdicts({self.tr("points"): verdict} if verdict is not None and doubted else {})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, sqrt
@@ -13,8 +12,9 @@ from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QColor
 
 from core.evaluate import heights
+from core.fields import kept_object
 from core.lazy import dataclass
-from core.model import Capture, Floats, Method, PointCloud
+from core.model import Capture, Floats, Method, PointCloud, Verdict
 from core.pipeline import points_file
 from core.pipeline.inputs import reconstructed_from
 from core.pipeline.runs import calibration_hashes
@@ -35,10 +35,13 @@ MOST_DRAWN = 400_000  # points in space: more turn slowly where the processor dr
 
 @dataclass(frozen=True)
 class Points:
-    """Points in the camera's frame, shape (H, W, 3) in mm, and the sigma of their Z where it is known, (H, W)."""
+    """Points in the camera's frame, shape (H, W, 3) in mm, the sigma of their Z where it is known, (H, W), and what is
+    to be thought of them, where somebody judged them.
+    """
 
     xyz_mm: Floats
     sigma_mm: Floats | None
+    verdict: Verdict | None = None
 
     @property
     def count(self) -> int:
@@ -72,7 +75,7 @@ def points_of(folder: ProjectFolder, capture: str, method: Method, pair: tuple[s
         state = graph_of(folder).points(entry.capture, method).state
     else:
         now = reconstructed_from(folder.project, entry.capture, calibration_hashes(folder.project, [method]))
-        then = json.loads(path.with_suffix(".json").read_bytes())["made_from"]
+        then = kept_object(path.with_suffix(".json")).get("made_from", {})
         state = "outdated" if differences(then, now) else "current"
     return ("current" if state == "current" else "stale"), path
 
@@ -94,7 +97,9 @@ def load_points(path: Path, progress: Progress = SILENT) -> Points:
     with np.load(path, allow_pickle=False) as stored:
         whole = stored.get("sigma", stored.get("sigma_xyz"))
         sigma = stored.get("sigma_depth") if whole is None else whole[..., 2]
-        return Points(stored["xyz"], sigma)
+        beside = kept_object(path.with_suffix(".json")).get("verdict")
+        verdict = Verdict(beside["state"], tuple(beside["because"])) if isinstance(beside, dict) else None
+        return Points(stored["xyz"], sigma, verdict)
 
 
 def map_view(points: Points, kind: str, progress: Progress = SILENT) -> MapView | None:

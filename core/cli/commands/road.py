@@ -164,6 +164,8 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import verdict_figures
+
     pipeline.check_cloud(options.out)
     project = options.project
     one_pair = options.orient or options.projector or (options.method and not pipeline.METHODS[options.method].joint)
@@ -195,7 +197,9 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         image = phase.image
     points = pipeline.write_cloud(options.out, image, cloud)
     print(f"{options.out}: {points} points")
-    figures: dict[str, Any] = {"points": points, "out": str(options.out)}
+    verdict = verdict_figures(cloud.verdict)
+    print_verdict(options.capture, verdict)
+    figures: dict[str, Any] = {"points": points, "out": str(options.out), "verdict": verdict}
     if covered := pipeline.coverage(cloud):
         print(
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
@@ -212,8 +216,10 @@ def _merge(options: Options, progress: Progress) -> dict[str, Any]:
     for line in pipeline.merge_words(merged):
         print(line)
     print(f"{options.out}: {points} points")
+    figures = pipeline.merge_figures(merged)
+    print_verdict("the merged points", figures["verdict"])
     _tell_outdated(options)
-    return {**pipeline.merge_figures(merged), "out": str(options.out)}
+    return {**figures, "out": str(options.out)}
 
 
 def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:

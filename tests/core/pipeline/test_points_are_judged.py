@@ -1,0 +1,75 @@
+"""Points are no better than their capture and their calibration, and every command that makes points says so."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from core.cli import main
+from core.model import Note, PointCloud, Verdict
+from core.pipeline import keep_points, load_calibrations
+from core.pipeline.judge import judge_points
+from core.project import read_project
+
+OBJECT = "plane+00"
+Disturb = Callable[[list[np.ndarray]], list[np.ndarray]]
+
+
+def told(words: list[str], tmp_path: Path) -> dict[str, Any]:
+    figures = tmp_path / "figures.json"
+    assert main([*words, "--json", str(figures)]) == 0
+    return dict(json.loads(figures.read_text()))
+
+
+def disturb(project: Path, change: Disturb) -> None:
+    files = sorted((project / "captures" / OBJECT).glob("[0-9]*"))
+    for file, image in zip(files, change([cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files]), strict=True):
+        file.unlink()  # which may be the same file as that of another copy
+        cv2.imwrite(str(file), image)
+
+
+def exchanged(images: list[np.ndarray]) -> list[np.ndarray]:
+    images[3], images[-5] = images[-5], images[3]
+    return images
+
+
+def shifted(images: list[np.ndarray]) -> list[np.ndarray]:
+    return [np.roll(image, 2, axis=0) for image in images]
+
+
+@pytest.mark.parametrize(
+    ("change", "state", "why"),
+    [
+        (lambda images: images, "passed", ""),
+        (exchanged, "doubtful", "contradict each other"),
+        (shifted, "doubtful", "do not see it as they were calibrated"),
+    ],
+)
+def test_what_speaks_against_a_capture_speaks_against_its_points(
+    calibrated: Path, tmp_path: Path, change: Disturb, state: str, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    disturb(calibrated, change)
+    verdict = told(["reconstruct", str(calibrated), OBJECT, "--out", str(tmp_path / "a.npz")], tmp_path)["verdict"]
+    assert verdict["state"] == state
+    assert why in " ".join(verdict["because"])
+    assert f"{OBJECT}: {state}" in capsys.readouterr().out
+    batch = told(["batch", str(calibrated), OBJECT, "--do", "reconstruct", "--out", str(tmp_path / "b")], tmp_path)
+    assert batch["captures"][0]["reconstruct"]["verdict"] == verdict
+    kept = keep_points(read_project(calibrated), OBJECT, "photogrammetric")
+    assert json.loads(kept.with_suffix(".json").read_text())["verdict"] == verdict
+
+
+def test_points_are_no_better_than_their_calibration(calibrated: Path) -> None:
+    cloud = PointCloud(np.zeros((2, 2, 3), np.float32))
+    calibration = load_calibrations(read_project(calibrated))["photogrammetric"]
+    said = {"a": (Note("not used", "pick"),)}
+    for verdict, state in ((Verdict("passed", ("noise",)), "passed"), (Verdict("failed", ("it slipped",)), "failed")):
+        judged = judge_points(cloud, said, "photogrammetric", replace(calibration, verdict=verdict)).verdict
+        assert judged is not None
+        assert judged.state == state
+        assert ("its photogrammetric calibration is failed: it slipped" in judged.because) == (state == "failed")
