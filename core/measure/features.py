@@ -140,6 +140,7 @@ def measure_feature(
         normal=-normal * np.sign(normal @ value[2:5]) / np.linalg.norm(normal),
         blur_px=blur,
         pixels=pixels,
+        verdict=cloud.verdict,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from core.lazy import dataclass
 from core.model.arrays import Array
 from core.model.calibration import Pair
+from core.model.finding import Verdict
 
 if TYPE_CHECKING:
     from core.geometry.rotation import Pose
@@ -156,3 +157,4 @@ class Feature:
     normal: Array  # (3,) of the surface, towards the camera
     blur_px: float
     pixels: int
+    verdict: Verdict | None = None  # of the surface; None: nobody judged it

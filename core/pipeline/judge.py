@@ -35,6 +35,7 @@ from core.project.images import read_image
 if TYPE_CHECKING:
     from core.checks.planes import Form
 
+PLACES = 1000  # means of pixels that tell whether a rig has moved so far that it matters to points
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to points
 
 
@@ -152,10 +153,10 @@ def said_of(capture: Capture, phases: Sequence[PhaseMap], calibration: Calibrati
 
 def _moved(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair, capture: str) -> tuple[str, ...]:
     """Say whether two devices see an object off each other's epipolar lines."""
-    from core.orient import find_motion
+    from core.orient import OrientOptions, find_motion
 
     try:
-        motion = find_motion(phase, calibration, capture=capture)
+        motion = find_motion(phase, calibration, capture=capture, options=OrientOptions(most_places=PLACES))
     except InputError:  # one axis, or too few pixels
         return ()
     except AdjustmentError as error:

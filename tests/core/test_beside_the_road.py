@@ -77,7 +77,9 @@ def test_a_guess_names_dots_that_are_there_and_can_be_kept(quick: Path, quick_tr
 
 
 def test_dots_of_a_plate_are_features_as_sure_as_they_say(calibrated: Path, quick_truth, tmp_path: Path) -> None:
-    found = figures(tmp_path, "features", calibrated, "depth-03")["features"]
+    told = figures(tmp_path, "features", calibrated, "depth-03")
+    assert told["verdict"] == {"state": "passed", "because": []}
+    found = told["features"]
     true = np.array(list(true_places(calibrated, quick_truth, "depth-03", "plate.csv").values()))
     off = np.array([min(true - f["uv"], key=np.linalg.norm) for f in found])
     assert len(found) > 20

@@ -47,6 +47,9 @@ def _tell_devices(options: Options) -> None:
 
 
 def _export(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.cli.console import print_verdict
+    from core.figures import verdict_figures
+    from core.pipeline.calibrate import photogrammetric_calibration
     from core.pipeline.exchange import export_calibration
 
     files, residuals = export_calibration(
@@ -58,7 +61,9 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
         print(f"{name}: the fit leaves {rms:.4f} px r.m.s.")
     if "projector" in residuals:
         _tell_devices(options)
-    return {"files": [str(file) for file in files], "residual_rms_px": residuals}
+    verdict = verdict_figures(photogrammetric_calibration(options.project).verdict)
+    print_verdict("photogrammetric", verdict)
+    return {"files": [str(file) for file in files], "residual_rms_px": residuals, "verdict": verdict}
 
 
 def _import(options: Options, progress: Progress) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from core.cli.arguments import (
     named_url,
     sequence_argument,
 )
+from core.cli.console import print_verdict
 from core.errors import InputError
 from core.progress import Progress
 
@@ -93,6 +94,8 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _features(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import verdict_figures
+
     found = pipeline.measure_features(
         options.project,
         options.capture,
@@ -104,7 +107,9 @@ def _features(options: Options, progress: Progress) -> dict[str, Any]:
     )
     for feature in found:
         print(pipeline.feature_words(feature))
-    return {"features": [pipeline.feature_figures(feature) for feature in found]}
+    verdict = verdict_figures(found[0].verdict)
+    print_verdict(options.capture, verdict)
+    return {"features": [pipeline.feature_figures(feature) for feature in found], "verdict": verdict}
 
 
 def _live(options: Options, progress: Progress) -> dict[str, Any]:

@@ -73,3 +73,18 @@ def test_points_are_no_better_than_their_calibration(calibrated: Path) -> None:
         assert judged is not None
         assert judged.state == state
         assert ("its photogrammetric calibration is failed: it slipped" in judged.because) == (state == "failed")
+
+
+def test_what_is_made_with_a_calibration_that_failed_says_so(calibrated: Path, tmp_path: Path) -> None:
+    board = calibrated / "testfield.csv"
+    lines = board.read_text().splitlines()
+    table = [line.split(",") for line in lines if line[0].isdigit()]
+    for entry in table:
+        entry[2] = str(1.2 * float(entry[2]))  # x alone
+    board.write_text("\n".join([line for line in lines if not line[0].isdigit()] + [",".join(e) for e in table]))
+    first = told(["calibrate", str(calibrated), "--method", "photogrammetric"], tmp_path)["photogrammetric"]["verdict"]
+    assert first["state"] != "passed"
+    of_points = told(["reconstruct", str(calibrated), OBJECT, "--out", str(tmp_path / "a.npz")], tmp_path)["verdict"]
+    assert of_points["state"] == first["state"]
+    assert first["because"][0] in of_points["because"][0]
+    assert told(["export", str(calibrated), "--to", "ros", str(tmp_path / "a.yaml")], tmp_path)["verdict"] == first
