@@ -13,7 +13,7 @@ render.py       `prepare` the geometry, expose a `frame`, `render` a sequence
 truth.py        what is really so: projector coordinates of pixels, places of targets, an operator's picks
 faults.py       what goes wrong, by name
 experiment.py   an experiment as data: a plan, and what chance makes of it
-scenarios.py    the experiments by name: paper, modern, stereo, quick
+scenarios.py    the experiments by name: paper, modern, quick, stereo, many
 simulate.py     an experiment written as a project, with its truth
 """
 

@@ -81,7 +81,8 @@ class Plan:
     plate_half_mm: tuple[float, float] = (200.0, 200.0)
     camera_name: str = "camera"  #: of the rig's camera
     ending: str = ".png"  #: of the frames' names: PNG, or plain TIFF of twice the room and a tenth of the time
-    others: Mapping[str, Rig] | None = None  #: further cameras by name, each as a rig with the same projector
+    others: Mapping[str, Rig] | None = None  #: further cameras, each as a rig with the same projector
+    lamps: Mapping[str, Rig] | None = None  #: beside "projector", each as a rig with the same camera
 
 
 @dataclass(frozen=True)
@@ -116,6 +117,21 @@ class Experiment:
         return self.plan.rig
 
     @property
+    def lights(self) -> dict[str, Experiment]:
+        """The same experiment by every projector, by its name; the noise of each is its own."""
+        found, plan = {"projector": self}, self.plan
+        for k, (name, lamp) in enumerate((plan.lamps or {}).items(), 1):
+            lit = replace(
+                plan,
+                rig=_lit_by(plan.rig, lamp),
+                others={camera: _lit_by(rig, lamp) for camera, rig in (plan.others or {}).items()},
+                lamps=None,
+            )
+            shots = tuple(replace(shot, stream=shot.stream + 100_000 * k) for shot in self.shots)
+            found[name] = replace(self, plan=lit, shots=shots)
+        return found
+
+    @property
     def views(self) -> dict[str, Experiment]:
         """The same experiment before every camera, by its name; the noise of each is its own."""
         found = {self.plan.camera_name: self}
@@ -127,7 +143,7 @@ class Experiment:
                 scene = replace(shot.scene, camera_from_board=moved @ shot.scene.camera_from_board)
                 seen = replace(shot, scene=scene, stream=shot.stream + 1000 * k)
                 shots.append(replace(seen, seeds=_picks(rig, seen, rng)))
-            plan = replace(self.plan, rig=rig, camera_name=name, others=None)
+            plan = replace(self.plan, rig=rig, camera_name=name, others=None, lamps=None)
             found[name] = replace(self, plan=plan, shots=tuple(shots))
         return found
 
@@ -166,6 +182,18 @@ class Experiment:
     def prepared(self, name: str) -> Prepared:
         """Prepare the rig before the scene of a capture."""
         return prepare(self.rig, self.shot(name).scene)
+
+
+def _lit_by(rig: Rig, lamp: Rig) -> Rig:
+    """Put a projector of another rig in the place of a rig's own."""
+    from_camera = lamp.projector_from_camera @ lamp.camera_from_volume @ rig.camera_from_volume.inverse()
+    return replace(
+        rig,
+        projector=lamp.projector,
+        projector_interior=lamp.projector_interior,
+        projector_from_camera=from_camera,
+        lcd=lamp.lcd,
+    )
 
 
 def build(plan: Plan, seed: int) -> Experiment:

@@ -121,20 +121,22 @@ def _quick() -> Plan:
     )
 
 
+def _standing(rig: Rig, at_mm: tuple[float, float, float], c_mm: float, *truth: float) -> Rig:
+    """Give the rig with another camera of the same sensor, at a place of the volume; `truth` is its x0, y0, A1..A6."""
+    camera, camera_from_volume = replace(rig.camera, nominal_c_mm=c_mm), look_at(at_mm)
+    return replace(
+        rig,
+        camera=camera,
+        camera_interior=interior(camera, (c_mm + 0.1, *truth)),
+        camera_from_volume=camera_from_volume,
+        projector_from_camera=rig.projector_from_camera @ rig.camera_from_volume @ camera_from_volume.inverse(),
+    )
+
+
 def _stereo() -> Plan:
     """The small rig with a second camera on the projector's other side, with a longer lens."""
     plan = _quick()
-    left = plan.rig
-    right = DeviceSpec(320, 240, (0.0185, 0.0185), 13.0)
-    right_from_volume = look_at([375.0, 20.0, 560.0])
-    projector_from_volume = left.projector_from_camera @ left.camera_from_volume
-    other = replace(
-        left,
-        camera=right,
-        camera_interior=interior(right, (13.1, 0.04, -0.06, -0.45e-3, 0.2e-5, -0.11e-1, -0.4e-4, 0.9e-4, 0.6e-4)),
-        camera_from_volume=right_from_volume,
-        projector_from_camera=projector_from_volume @ right_from_volume.inverse(),
-    )
+    truth = 0.04, -0.06, -0.45e-3, 0.2e-5, -0.11e-1, -0.4e-4, 0.9e-4, 0.6e-4
     return replace(
         plan,
         name="stereo",
@@ -143,7 +145,27 @@ def _stereo() -> Plan:
         objects=False,
         shadow=True,
         camera_name="left",
-        others={"right": other},
+        others={"right": _standing(plan.rig, (375.0, 20.0, 560.0), 13.0, *truth)},
+    )
+
+
+def _many() -> Plan:
+    """The stereo rig with a third camera above, and a second projector below, with a shorter lens."""
+    plan = _stereo()
+    rig, projector = plan.rig, DeviceSpec(160, 160, (0.36, 0.36), 170.0)
+    truth = -0.05, 0.03, -0.5e-3, 0.1e-5, -0.13e-1, 0.2e-4, -0.7e-4, 0.4e-4
+    lamp = replace(
+        rig,
+        projector=projector,
+        projector_interior=interior(projector, (170.3, -0.8, 0.6, 0.4e-6, -0.2e-9, 0.1e-3, -0.1e-3, 0.3e-5, -0.8e-5)),
+        projector_from_camera=look_at((40.0, -230.0, 550.0)) @ rig.camera_from_volume.inverse(),
+    )
+    return replace(
+        plan,
+        name="many",
+        title="A small rig with three cameras and two projectors",
+        others={**(plan.others or {}), "top": _standing(rig, (60.0, 240.0, 570.0), 12.5, *truth)},
+        lamps={"lamp": lamp},
     )
 
 
@@ -184,7 +206,13 @@ def _modern_sequence(role: Role) -> list[Pattern]:
     return [*patterns, White(), Black()]
 
 
-_PLANS: dict[str, Callable[[], Plan]] = {"paper": _paper, "modern": _modern, "quick": _quick, "stereo": _stereo}
+_PLANS: dict[str, Callable[[], Plan]] = {
+    "paper": _paper,
+    "modern": _modern,
+    "quick": _quick,
+    "stereo": _stereo,
+    "many": _many,
+}
 
 
 def scenarios() -> tuple[str, ...]:

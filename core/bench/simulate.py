@@ -79,7 +79,8 @@ def simulate(
         extra: dict[str, Any] = {} if e.plan.reference is None else {"reference": e.plan.reference}
         names = [f"captures/{shot.name}" for shot in e.shots]
         cameras = {name: view.rig.camera for name, view in e.views.items()}
-        write_project(out, e.plan.title, cameras, e.rig.projector, e.scale, names, sequence=sequence, **extra)
+        lamps = {name: light.rig.projector for name, light in e.lights.items()}
+        write_project(out, e.plan.title, cameras, lamps, e.scale, names, sequence=sequence, **extra)
     progress(1.0, "simulated")
     return out
 
@@ -89,16 +90,20 @@ def _write_shot(
 ) -> None:
     quiet = Progress(cancelled=progress.cancelled)
     named: list[tuple[str, Pattern, Image]] = []
-    cameras: list[dict[str, str]] = []
+    devices: list[dict[str, str]] = []
     seeds: list[Seed] = []
-    views = e.views
-    for camera, view in views.items():
-        of_camera = next(s for s in view.shots if s.name == shot.name)
-        frames = view.take(of_camera, faults, progress=quiet)
-        prefix = f"{camera}-" if len(views) > 1 else ""
-        named += [(f"{prefix}{k:03d}{e.plan.ending}", pattern, image) for k, (pattern, image) in enumerate(frames)]
-        cameras += [{"camera": camera}] * len(frames)
-        seeds += [replace(seed, camera=camera if prefix else "") for seed in of_camera.seeds]
+    lights, cameras = e.lights, e.views
+    for lamp, light in lights.items():
+        for camera, view in light.views.items():
+            seen = view.shot(shot.name)
+            frames = view.take(seen, faults, progress=quiet)
+            names = {"camera": camera} if len(cameras) > 1 else {}
+            names |= {"projector": lamp} if len(lights) > 1 else {}
+            prefix = "".join(f"{name}-" for name in names.values())
+            named += [(f"{prefix}{k:03d}{e.plan.ending}", pattern, image) for k, (pattern, image) in enumerate(frames)]
+            devices += [names] * len(frames)
+            if light is e:
+                seeds += [replace(seed, camera=names.get("camera", "")) for seed in seen.seeds]
     # a simulation can be repeated: no need to wait for the disk after every frame
     for job in [pool.submit(write_image, folder / name, image, False) for name, _, image in named]:
         job.result()
@@ -108,7 +113,7 @@ def _write_shot(
         folder,
         Subject(shot.role, shot.name, shot.z_mm, shot.angle_deg, shot.testfield),
         [(name, pattern) for name, pattern, _ in named],
-        more=cameras if len(views) > 1 else None,
+        more=devices if any(devices) else None,
     )
 
 
@@ -144,14 +149,17 @@ def truth_of(e: Experiment) -> dict[str, Any]:
 
 
 def _views(e: Experiment) -> dict[str, Any]:
-    """What is true of every camera where there are several, under its name."""
-    if not e.plan.others:
-        return {}
+    """What is true of every camera where there are several, and of every further projector, under its name."""
     found = {}
-    for name, view in e.views.items():
-        moved = view.rig.camera_from_volume @ e.rig.camera_from_volume.inverse()
-        poses = {"projector_from_camera": _pose(view.rig.projector_from_camera), "camera_from_first": _pose(moved)}
-        found[name] = {**_interior(view.rig.camera_interior), **poses}
+    if e.plan.others:
+        for name, view in e.views.items():
+            moved = view.rig.camera_from_volume @ e.rig.camera_from_volume.inverse()
+            poses = {"projector_from_camera": _pose(view.rig.projector_from_camera), "camera_from_first": _pose(moved)}
+            found[name] = {**_interior(view.rig.camera_interior), **poses}
+    if e.plan.lamps:
+        for name, light in e.lights.items():
+            pose = {"projector_from_camera": _pose(light.rig.projector_from_camera)}
+            found[name] = {**_interior(light.rig.projector_interior), **pose}
     return found
 
 

@@ -63,10 +63,17 @@ class BenchScene:
 
 
 def bench_scene(address: Address, seed: int) -> BenchScene:
-    """Find the scene that a URL names: ``SCENARIO?shot=NAME``, or ``SCENARIO?pose=3`` for the third testfield."""
+    """Find the scene that a URL names: ``SCENARIO?shot=NAME``, or ``SCENARIO?pose=3`` for the third testfield.
+
+    Of several projectors `projector` names the one that lights it; the first without.
+    """
     if address.place not in scenarios():
         raise InputError(address.url, f"scene {address.place!r}", f"use flat, {', '.join(scenarios())}")
-    made = experiment(address.place, seed)
+    lights = experiment(address.place, seed).lights
+    lamp = address.text("projector", next(iter(lights)))
+    if lamp not in lights:
+        raise InputError(address.url, f"no projector {lamp!r}", f"use {', '.join(lights)}")
+    made = lights[lamp]
     name = address.text("shot", f"testfield-{address.integer('pose', 1, 1):02d}")
     names = [shot.name for shot in made.shots]
     if name not in names:

@@ -22,7 +22,7 @@ from core.errors import InputError
 from core.lazy import dataclass
 
 Device = TypeVar("Device", covariant=True)
-_SCENE_OPTIONS = ("pose", "shot", "seed")
+_SCENE_OPTIONS = ("pose", "shot", "seed", "projector")
 _stages: WeakValueDictionary[str, Stage] = WeakValueDictionary()
 
 

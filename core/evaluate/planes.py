@@ -181,7 +181,8 @@ def _excluded(phase: PhaseMap, valid: NDArray[np.bool_], elsewhere: NDArray[np.b
     """Count the pixels that have a projector coordinate but take no part, and say by which rule."""
     u, v = np.isfinite(phase.u), np.isfinite(phase.v)
     without = (u | v) & ~valid & ~elsewhere
-    leads = (axis for axis in (u, v) if not bool((valid & ~axis).any()))  # all points have what gives the depth
+    # all points have what gives the depth; from several projectors some have either, and none of these both
+    leads = [axis for axis in (u, v) if not bool((valid & ~axis).any())] or [u & v]
     blind = max((int(np.count_nonzero(without & ~lead)) for lead in leads), default=0)
     rest = int(np.count_nonzero(without)) - blind
     other = int(np.count_nonzero(elsewhere))

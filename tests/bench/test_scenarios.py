@@ -1,14 +1,17 @@
 """The experiments: what they promise in numbers, and what they leave on disk."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from core.bench import experiment, lines_of, plan, prepare, render, scenarios, simulate, true_targets, truth_maps
+from core.bench.rig import look_at
+from core.bench.scenarios import _PLANS
 from core.errors import Cancelled, InputError
 from core.geometry import Pose, project, rotation_vector_from_matrix
-from core.patterns import reference_sequence
+from core.patterns import parse_sequence, reference_sequence
 from core.progress import Progress
 from core.project import iterate_images, read_capture, read_project
 
@@ -28,7 +31,7 @@ def by_role(e, role):
 
 
 def test_an_unknown_scenario_is_refused_by_name():
-    assert scenarios() == ("paper", "modern", "quick", "stereo")
+    assert scenarios() == ("paper", "modern", "quick", "stereo", "many")
     with pytest.raises(InputError, match="no scenario 'papre'"):
         experiment("papre")
 
@@ -210,3 +213,37 @@ def test_the_ends_of_the_scale_are_seen_in_several_captures(name):
     nominal = e.testfields["testfield.csv"]
     a, b = (nominal.xyz_mm[nominal.index()[end]] for end in (e.scale.start, e.scale.stop))
     assert np.linalg.norm(a - b) > 0.6 * np.linalg.norm(np.ptp(nominal.xyz_mm, axis=0))
+
+
+def test_every_camera_sees_every_projector_where_it_stands():
+    """Points of the volume fall on the same lines of a projector, whichever camera's frame they are told in."""
+    points = np.random.default_rng(1).uniform(-80, 80, (20, 3))
+    lights = experiment("many", 0).lights
+    assert [list(light.views) for light in lights.values()] == [["left", "right", "top"]] * 2
+    seen = {}
+    for lamp, light in lights.items():
+        for view in light.views.values():
+            rig = view.rig
+            told = rig.camera_from_volume.apply(points)
+            lines = project(rig.projector, rig.projector_interior, told, rig.projector_from_camera)
+            np.testing.assert_allclose(seen.setdefault(lamp, lines), lines, atol=1e-9)
+    stands = look_at((40.0, -230.0, 550.0))
+    lamp = lights["lamp"].rig
+    np.testing.assert_allclose(
+        seen["lamp"], project(lamp.projector, lamp.projector_interior, points, stands), atol=1e-9
+    )
+    assert np.abs(seen["lamp"] - seen["projector"]).max() > 10
+
+
+def test_several_cameras_and_projectors_are_recorded_pair_by_pair(tmp_path, monkeypatch):
+    short = replace(plan("many"), places=plan("many").places[:3], angles_deg=(), shadow=False)
+    monkeypatch.setitem(_PLANS, "many", lambda: short)
+    simulate(tmp_path / "p", "many", 0, sequence=parse_sequence('[{"kind": "white"}]'))
+    found = read_project(tmp_path / "p")
+    capture = read_capture(found.captures[0], found)
+    assert set(capture.pairs) == {(c, p) for c in ("left", "right", "top") for p in ("projector", "lamp")}
+    means = [next(iterate_images(series, found.rig.cameras[series.camera])).mean() for series in capture.series]
+    assert len(np.unique(means)) == 6  # each its own view, light and noise
+    truth = json.loads((tmp_path / "p" / "truth.json").read_text())
+    for light in experiment("many", 0).lights.values():
+        assert light.rig.projector_interior.c_mm in {truth[name]["c_mm"] for name in found.rig.projectors}

@@ -29,7 +29,10 @@ def add(commands: Commands) -> None:
 
 def _scenario(sub: Parser) -> None:
     sub.add_argument(
-        "--scenario", default="paper", metavar="NAME", help="paper (default), modern, stereo (two cameras) or quick"
+        "--scenario",
+        default="paper",
+        metavar="NAME",
+        help="paper (default), modern, quick, stereo (two cameras) or many (three, two projectors)",
     )
     sub.add_argument("--seed", type=int, default=0)
     sequence_argument(sub)

@@ -155,6 +155,9 @@ def test_pixels_that_any_projector_lit_are_counted_for_all_devices_together() ->
     result = evaluate_plane(united(halves), cloud, capture="plane", angle_deg=0, method="photogrammetric")
     told = f"{2 * W} the projector coordinate that gives the depth was not decoded"
     assert (result.excluded, result.excluded_rule) == (2 * W, told)
+    halves[0].u[10, 10] = halves[0].v[11, 10] = np.nan  # other cameras have their points: either coordinate is missed
+    result = evaluate_plane(united(halves), cloud, capture="plane", angle_deg=0, method="photogrammetric")
+    assert (result.excluded, result.excluded_rule) == (2 * W, told)
 
 
 def test_the_depth_method_is_of_one_camera_with_one_projector(calibrated: Path, edit_json: Callable[..., None]) -> None:
