@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from core.errors import InputError
+from core.figures import verdict_figures
 from core.geometry import pair_named, pair_of
 from core.model import (
     Adjustment,
@@ -36,14 +37,17 @@ def volume_figures(
     Figures: of several devices "camera" and "projector"; under "depths" for every depth r.m.s. sigmas over the grid:
     `sigma_mm` of a point's place in the camera's frame, `form_sigma_mm` after the best movement of all points as one,
     and of both devices' images `camera_px` and `projector_lines`, after the best place of the device. Noise of a
-    capture is no part of them. Maps: the same over the grid, (depths, rows, columns), NaN where the projector lights
-    nothing; `uv`, `xyz_mm`. A calibration that tells no sigmas is an InputError.
+    capture is no part of them. The "verdict" is on the calibration: unless it is passed, its sigmas tell too little.
+    Maps: the same over the grid, (depths, rows, columns), NaN where the projector lights nothing; `uv`, `xyz_mm`. A
+    calibration that tells no sigmas is an InputError.
     """
-    pair, depths, named = _pair_of(*_kept(project, run), camera, projector)
+    calibration, adjustment = _kept(project, run)
+    pair, depths, named = _pair_of(calibration, adjustment, camera, projector)
     if not pair.covariance.any():
         seen = "the calibration is another program's, which tells no sigmas"
         raise InputError(project.path, seen, "calibrate here, or import a file that has parameter_covariance")
-    return _figures_of(pair, depths, named)
+    figures, maps = _figures_of(pair, depths, named)
+    return {**figures, "verdict": verdict_figures(calibration.verdict)}, maps
 
 
 def volume_of_calibration(

@@ -172,9 +172,12 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _uncertainty(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.cli.console import print_verdict
     from core.pipeline.volumes import volume_figures
 
-    return _volume(options, volume_figures)
+    figures = _volume(options, volume_figures)
+    print_verdict("photogrammetric", figures["verdict"])
+    return figures
 
 
 def _compare(options: Options, progress: Progress) -> dict[str, Any]:

@@ -88,3 +88,4 @@ def test_what_is_made_with_a_calibration_that_failed_says_so(calibrated: Path, t
     assert of_points["state"] == first["state"]
     assert first["because"][0] in of_points["because"][0]
     assert told(["export", str(calibrated), "--to", "ros", str(tmp_path / "a.yaml")], tmp_path)["verdict"] == first
+    assert told(["uncertainty", str(calibrated)], tmp_path)["verdict"] == first
