@@ -160,6 +160,7 @@ def calibrate_points(
     concerns = [
         *_from_behind(adjustment),
         *checks.adjustment_concerns(adjustment, rejected),
+        *checks.uneven_axes(adjustment),
         *checks.length_concerns(adjustment, field, bar, None, False),
         *checks.nominal_concerns(found.devices),
     ]

@@ -4,6 +4,7 @@ Every check gives concerns (`core.model.Concern`): a state and one sentence with
 remedy. The state of a verdict is that of its worst concern.
 
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
+weights.py   ... sigmas of its images, and of both axes, against each other
 given.py     ... a network against what its files give: known points and lengths, units, pixels, stations
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 boards.py    ... which of a board's targets its file misplaces
@@ -24,11 +25,12 @@ from core.checks.network import adjustment_concerns, nominal_concerns, sound_wor
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
+from core.checks.weights import uneven_axes
 
 __all__ = [
     "Plates", "adjustment_concerns", "bar_notes", "code_concerns", "end_notes", "exchanged_notes", "foreign_concerns",
     "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of", "length_concerns",
     "light_end", "misplaced_concerns", "nominal_concerns", "pair_concerns", "plane_concerns", "plane_words",
     "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns",
-    "see_plates", "size_concerns", "sound_words", "unit_hint",
+    "see_plates", "size_concerns", "sound_words", "uneven_axes", "unit_hint",
 ]  # fmt: skip

@@ -5,25 +5,21 @@ A free datum takes any unit, hand or name of the points without a residual: what
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, unit_hint
-from core.errors import StripeError
+from core.checks.weights import uneven_sigmas
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, Network, NetworkScale
-from core.numerics import chi_square_limit, median_of, nearest, normal_limit, sigma_by_median
+from core.numerics import chi_square_limit, nearest, normal_limit
 
 OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 UNLIKE_SCALE, KEPT = 0.05, 2.0  # where they keep their shape: prints that are fitted to the page shrink by less; times
 LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
 OUTSIDE = 0.02  # of the image: no target is measured farther from it
 NEAR = 0.1  # of c: at 10:1 a lens has its object at 0.1 c
-SURER = 2.0  # times that an image's sigmas are smaller than the other images'
-LEAST_REDUNDANCY = 0.05  # an observation checked less than this says nothing
-MEDIAN_EFFICIENCY = 0.37  # of a variance by the median, as a share of the redundancy that one by squares has
 FEWEST = 4  # observations that two images have in common to the last digit
 
 
@@ -34,7 +30,7 @@ def given_concerns(adjustment: Adjustment, anew: Callable[[Network, bool], Adjus
     """
     network = adjustment.network
     bars = [network.scale, *network.lengths] if network.scale else list(network.lengths)
-    told = [*_outside(adjustment), *_twice(adjustment), *_too_near(adjustment), *_too_sure(adjustment, anew)]
+    told = [*_outside(adjustment), *_twice(adjustment), *_too_near(adjustment), *uneven_sigmas(adjustment, anew)]
     concerns = [Concern("doubtful", text) for text in told] + _known(adjustment) + _exchanged(adjustment)
     weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
     if bars or weighed:
@@ -92,63 +88,6 @@ def _too_near(adjustment: Adjustment) -> Iterator[str]:
                 "coordinates and lengths in mm, not in m"
             )
             return
-
-
-def _too_sure(adjustment: Adjustment, anew: Callable[[Network, bool], Adjustment]) -> Iterator[str]:
-    """H0: images to which the file gives far smaller sigmas than to a device's others hold these.
-
-    An image that is overweighed bends the points to itself and leaves little. So the network is adjusted with the
-    other images' sigmas in their place, and once more without gross errors where a few of these may be the cause.
-    """
-    network = adjustment.network
-    station, count = network.observation_station, len(network.station_names)
-    sigma = np.array([median_of(network.observation_sigma[station == k]) for k in range(count)])
-    device, usual = np.array(network.station_device), sigma.copy()
-    for name in network.devices:
-        if np.count_nonzero(own := device == name) >= FEWEST:
-            usual[own] = median_of(sigma[own])
-    surer = {network.station_names[k]: usual[k] / sigma[k] for k in np.flatnonzero(sigma < usual / SURER)}
-    times = np.where(sigma < usual / SURER, usual / sigma, 1.0)
-    levelled = replace(network, observation_sigma=network.observation_sigma * times[station][:, None])
-    for rejecting in (False, True):
-        try:
-            surer = _not_held(anew(levelled, rejecting), surer) if surer else {}
-        except StripeError:
-            return
-    for name, factor in surer.items():
-        k = network.station_names.index(name)
-        yield (
-            f"observations.csv: sigma_px of station {name} is {sigma[k]:.2g}, of the other images by {device[k]} "
-            f"{usual[k]:.2g}, but it fits them no better than they do: multiply it by up to {factor:.2g}"
-        )
-
-
-def _not_held(levelled: Adjustment, surer: Mapping[str, float]) -> dict[str, float]:
-    """Of the images that claim to be so many times surer than the network has them, those that are not.
-
-    With redundancy numbers r, the residuals of an image that is q times better have ``1 - r + r/q^2`` of the variance
-    that the weights let expect: ``1 - r`` comes from the others.
-    """
-    network, numbers = levelled.network, levelled.redundancy_numbers
-    names, station = network.station_names, network.observation_station
-    with np.errstate(divide="ignore", invalid="ignore"):
-        normalised = levelled.residuals / network.observation_sigma / np.sqrt(numbers)
-    normalised[~(numbers > LEAST_REDUNDANCY)] = np.nan
-    judged = [k for k in range(len(names)) if np.isfinite(normalised[station == k]).any()]
-    factor = {names[k]: sigma_by_median(normalised[station == k]) ** 2 for k in judged}
-    kept = {}
-    for name, times in surer.items():
-        if name not in factor:
-            continue
-        k = names.index(name)
-        of_device = [factor[names[j]] for j in judged if network.station_device[j] == network.station_device[k]]
-        rest, own = max(median_of(np.array(of_device)), 1.0), numbers[station == k]
-        freedom, r = max(MEDIAN_EFFICIENCY * float(np.nansum(own)), 1.0), float(np.nanmean(own))
-        least = (1 - r + r / times**2) * chi_square_limit(freedom, LEVEL) / freedom
-        # where the others do not hold theirs, or it fits worse than they do, what is wrong has another cause
-        if rest < DOUBTFUL_RATIO**2 and rest * least < factor[name] < rest * DOUBTFUL_RATIO**2:
-            kept[name] = times
-    return kept
 
 
 def _off(source: Array, target: Array) -> float:

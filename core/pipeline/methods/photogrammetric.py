@@ -150,6 +150,7 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
     rejected, lonely = checks.rejected_of(adjustment, targets)
     concerns = [
         *checks.adjustment_concerns(adjustment, rejected),
+        *checks.uneven_axes(adjustment),
         *checks.misplaced_concerns(common_testfield(evidence.used[name]), adjustment, targets),
         *(c for c in evidence.lengths if c.about != "plates"),  # which the adjustment does not use
         *checks.nominal_concerns(calibration.devices, evidence.project.rig.cameras),

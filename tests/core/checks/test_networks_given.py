@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.calibrate import adjust
+from core.calibrate import adjust, calibrate_photogrammetric
+from core.checks import uneven_axes
 from core.model import Network, NetworkScale
 from core.pipeline.judge import judge_adjustment
 from tests.core.calibrate.conftest import CAMERA, CAMERA_TRUTH, simulated_network
+from tests.core.checks.rigs import simulate
 
 SOUND = simulated_network(seed=3, use=("camera",), approximation_mm=1.0).network
 KNOWN_MM = 0.05
@@ -51,6 +53,27 @@ def surer(n: Network) -> Network:
     return replace(n, observation_sigma=sigma)
 
 
+def half_surer(n: Network) -> Network:
+    sigma = n.observation_sigma.copy()
+    sigma[n.observation_station % 2 == 0] /= 2
+    return replace(n, observation_sigma=sigma)
+
+
+def half_noisier(n: Network) -> Network:
+    """Every second image moved a little more than the file says."""
+    own = n.observation_station % 2 == 0
+    more = np.random.default_rng(5).normal(0, np.sqrt(8) * n.observation_sigma[own])
+    uv = n.observation_uv.copy()
+    uv[own] += more
+    return replace(n, observation_uv=uv)
+
+
+def rows_noisier(n: Network) -> Network:
+    uv = n.observation_uv.copy()
+    uv[:, 1] += np.random.default_rng(6).normal(0, np.sqrt(8) * n.observation_sigma[:, 1])
+    return replace(n, observation_uv=uv)
+
+
 def in_metres(n: Network) -> Network:
     return replace(n, point_xyz_mm=n.point_xyz_mm / 1000, scale=times(n.scale, 1e-3))
 
@@ -65,6 +88,9 @@ def longer(n: Network) -> Network:
         (from_the_centre, "observations by camera lie outside its 748 x 576 px"),
         (a_station_twice, f"observations of again are those of {SOUND.station_names[4]}: remove one of the two"),
         (surer, f"sigma_px of station {SOUND.station_names[4]} is 0.00067, of the other images by camera 0.02, but"),
+        (half_surer, "is 0.01, of the other images by camera 0.02, but by the residuals it is 2"),
+        (half_noisier, "times too small beside theirs (F test of 6 and 6 images)"),
+        (rows_noisier, "times as large in v as in u (F test): the sigmas of v are too small"),
         (in_metres, "give coordinates and lengths in mm, not in m"),
         (longer, "whose points keep their shape: correct the length"),
     ],
@@ -98,6 +124,24 @@ def sharper(n: Network, sharp: np.ndarray) -> Network:
 
 def test_images_that_are_sharper_than_others_are_not_accused() -> None:
     assert told(sharper(SOUND, SOUND.observation_station % 4 == 0)) == ()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_sigmas_that_are_off_by_little_are_not_accused(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, cols = [(3, 5), (6, 8)][seed % 2]
+    made = simulated_network(seed=seed, use=("camera",), approximation_mm=1.0, rows=rows, cols=cols, scale=False)
+    off = np.exp(0.1 * rng.normal(size=len(made.stations)))[made.network.observation_station]
+    assert told(replace(made.network, observation_sigma=made.network.observation_sigma * off[:, None])) == ()
+
+
+def test_an_axis_of_a_calibration_that_claims_too_much_is_named() -> None:
+    made = simulate("paper", 1)
+    surer = [replace(t, projector_sigma=t.projector_sigma * [1, 0.3]) for t in made.fields]
+    for fields, accused in ((made.fields, 0), (surer, 1)):
+        _, adjustment = calibrate_photogrammetric(made.rig, made.board, fields, scale=made.scale)
+        assert len(uneven_axes(adjustment)) == accused
+    assert uneven_axes(adjustment)[0].text.startswith("projector: residuals over sigmas are 3")
 
 
 @pytest.mark.parametrize("px", [0.3, 1.0])
