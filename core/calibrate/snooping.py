@@ -108,9 +108,7 @@ def outlier_warning(network: Network, problem: Problem, size: Array) -> list[Con
     if not len(bad):
         return []
     listed = named(network, problem, bad, size)
-    one = "one observation looks like a gross error"
-    count = f"{len(bad)} observations look like gross errors" if len(bad) > 1 else one
-    text = f"{count} (normalised residual above {limit:.1f}): {listed}"
+    text = f"{len(bad)} observations look like gross errors (normalised residual above {limit:.1f}): {listed}"
     return [Concern("doubtful", text, about="blunders")]
 
 
