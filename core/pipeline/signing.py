@@ -20,7 +20,7 @@ from core.pipeline.tables import kept_evaluation
 from core.project import write_json
 
 if TYPE_CHECKING:
-    from core.report import SignOff, Verdict
+    from core.report import Conformity, SignOff
     from core.report.sign_off import Figure
 
 
@@ -47,7 +47,7 @@ def sign_project(
 
 def sign_evaluation(
     project: Project, operator: str, *, tolerance_mm: float | None = None, of: Figure = "rms", **entries: str
-) -> tuple[SignOff, Verdict | None]:
+) -> tuple[SignOff, Conformity | None]:
     """Sign the project's evaluation today, or on the `date` among the entries; give also what a tolerance says.
 
     Parameters
@@ -59,14 +59,14 @@ def sign_evaluation(
     entries : str
         instrument, remark, date (ISO 8601), despite: as in `SignOff`.
     """
-    from core.report import SignOff, Tolerance, verdict
+    from core.report import SignOff, Tolerance, conformity
 
     tolerance = None if tolerance_mm is None else Tolerance(tolerance_mm, of)
     day = entries.pop("date", "") or f"{date.today():%Y-%m-%d}"
     signed = SignOff(operator.strip(), date=day, tolerance=tolerance, **entries)
     evaluations = kept_evaluation(project)
     sign_project(project, signed, evaluations)
-    return signed, None if tolerance is None else verdict(evaluations, tolerance)
+    return signed, None if tolerance is None else conformity(evaluations, tolerance)
 
 
 def save_sign_off(project: Project, sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> Path:

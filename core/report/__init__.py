@@ -33,13 +33,13 @@ measured twice
 from core.report.chapters import CHAPTERS, Chapter, tables
 from core.report.csv_files import table_file, write_columns_csv, write_table_csv
 from core.report.data import ReportData, ReportPaths, SignOff, Tolerance, verdicts_of
-from core.report.sign_off import Verdict, verdict
+from core.report.sign_off import Conformity, conformity
 from core.report.table import Number, Table, cell_text, text_table
 from core.report.words import Summary, summary
 from core.report.write import write_report
 
 __all__ = [
-    "CHAPTERS", "Chapter", "Number", "ReportData", "ReportPaths", "SignOff", "Summary", "Table", "Tolerance", "Verdict",
-    "cell_text", "summary", "table_file", "tables", "text_table", "verdict", "verdicts_of", "write_columns_csv",
-    "write_report", "write_table_csv",
+    "CHAPTERS", "Chapter", "Conformity", "Number", "ReportData", "ReportPaths", "SignOff", "Summary", "Table",
+    "Tolerance", "cell_text", "conformity", "summary", "table_file", "tables", "text_table", "verdicts_of",
+    "write_columns_csv", "write_report", "write_table_csv",
 ]  # fmt: skip

@@ -15,29 +15,29 @@ MOST_NAMED = 4  # planes beyond the tolerance that the statement names
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Conformity:
     """Whether the planes stay within the tolerance, and the sentence that says so."""
 
     passed: bool
     text: str
 
 
-def verdict(evaluations: tuple[PlaneEvaluation, ...], tolerance: Tolerance) -> Verdict:
+def conformity(evaluations: tuple[PlaneEvaluation, ...], tolerance: Tolerance) -> Conformity:
     """Compare every plane by every method with the tolerance; equal to it is within it.
 
     Examples
     --------
-    >>> verdict((), Tolerance(0.05)).passed
+    >>> conformity((), Tolerance(0.05)).passed
     False
     """
     name, limit = FIGURES[tolerance.of], f"{tolerance.limit_mm:g} mm"
     if not evaluations:
-        return Verdict(False, f"Not passed: no plane was evaluated against the tolerance of {limit} ({name}).")
+        return Conformity(False, f"Not passed: no plane was evaluated against the tolerance of {limit} ({name}).")
     ordered = side_by_side(evaluations)
     beyond = [e for e in ordered if not _figure(e, tolerance.of) <= tolerance.limit_mm]
     if not beyond:
         worst = max(ordered, key=lambda e: _figure(e, tolerance.of))
-        return Verdict(
+        return Conformity(
             True,
             f"Passed: the {name} of every plane by every method stays within the tolerance of {limit}; the greatest is "
             f"{_named(worst, tolerance.of, evaluations)}.",
@@ -45,7 +45,7 @@ def verdict(evaluations: tuple[PlaneEvaluation, ...], tolerance: Tolerance) -> V
     beyond.sort(key=lambda e: -_figure(e, tolerance.of))
     told = "; ".join(_named(e, tolerance.of, evaluations) for e in beyond[:MOST_NAMED])
     more = f"; and {len(beyond) - MOST_NAMED} more" if len(beyond) > MOST_NAMED else ""
-    return Verdict(
+    return Conformity(
         False,
         f"Failed: the {name} exceeds the tolerance of {limit} in {len(beyond)} of {len(ordered)} evaluations: "
         f"{told}{more}.",
@@ -58,7 +58,7 @@ def sign_off_table(sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) 
     rows += [(name, text) for name, text in (("instrument", sign_off.instrument), ("date", sign_off.date)) if text]
     if sign_off.tolerance is not None:
         rows.append(("tolerance", f"{sign_off.tolerance.limit_mm:g} mm, {FIGURES[sign_off.tolerance.of]}"))
-        rows.append(("result", verdict(evaluations, sign_off.tolerance).text))
+        rows.append(("result", conformity(evaluations, sign_off.tolerance).text))
     if sign_off.despite:
         rows.append(("signed despite a failed verdict", sign_off.despite))
     if sign_off.remark:
@@ -69,12 +69,12 @@ def sign_off_table(sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) 
 
 
 def sign_off_sentence(sign_off: SignOff, evaluations: tuple[PlaneEvaluation, ...]) -> str:
-    """Who signed when, and the verdict, for the summary."""
+    """Who signed when, and whether the planes conform, for the summary."""
     when = f" on {sign_off.date}" if sign_off.date else ""
     text = f"Signed off by {sign_off.operator}{when}."
     if sign_off.despite:
         text += f" Signed despite a failed verdict, because: {sign_off.despite}"
-    return f"{text} {verdict(evaluations, sign_off.tolerance).text}" if sign_off.tolerance is not None else text
+    return f"{text} {conformity(evaluations, sign_off.tolerance).text}" if sign_off.tolerance is not None else text
 
 
 def _figure(evaluation: PlaneEvaluation, which: Figure) -> float:

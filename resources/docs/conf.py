@@ -43,7 +43,7 @@ numpydoc_show_class_members = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 python_maximum_signature_line_length = 88
-suppress_warnings = ["config.cache", "ref.python"]  # two rooms have a Verdict: a plain name is not linked
+suppress_warnings = ["config.cache"]
 sphinx_gallery_conf = {
     "examples_dirs": ["examples", "extending"],
     "gallery_dirs": ["auto_examples", "auto_extending"],

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QCheckBox, QFormLayout, QLineEdit, QWidget
 
 from core.model import PlaneEvaluation, Verdict
-from core.report import SignOff, Tolerance, verdict
+from core.report import SignOff, Tolerance, conformity
 from stripe_gui.widgets.layout import SPACE, card, choice, column, label, real, row
 from stripe_gui.widgets.verdict import VerdictList
 
@@ -98,7 +98,7 @@ class SignOffForm(QWidget):
         self.of.setEnabled(tolerance is not None)
         found: dict[str, Verdict] = {}
         if tolerance is not None and self._evaluations:
-            judged = verdict(self._evaluations, tolerance)
+            judged = conformity(self._evaluations, tolerance)
             text = judged.text.partition(": ")[2] or judged.text
             found[self.tr("Tolerance")] = Verdict("passed" if judged.passed else "failed", (text,))
         self.verdict.show_verdicts(found)

@@ -17,9 +17,9 @@ from core.report import (
     SignOff,
     Table,
     Tolerance,
+    conformity,
     summary,
     tables,
-    verdict,
     write_columns_csv,
     write_report,
     write_table_csv,
@@ -36,28 +36,28 @@ def judged(evaluations):
 
 
 def test_within_the_tolerance_is_passed_and_the_greatest_is_named(judged) -> None:
-    found = verdict(judged, Tolerance(0.06))
+    found = conformity(judged, Tolerance(0.06))
     assert found.passed
     assert found.text.startswith("Passed: the r.m.s. deviation")
     assert "0.0600 mm, plane-15 polynomial" in found.text
 
 
 def test_beyond_the_tolerance_is_failed_and_told_worst_first(judged) -> None:
-    found = verdict(judged, Tolerance(0.045))
+    found = conformity(judged, Tolerance(0.045))
     assert not found.passed
     assert "in 2 of 4 evaluations" in found.text
     assert found.text.index("0.0600 mm") < found.text.index("0.0500 mm")
 
 
 def test_the_largest_deviation_can_be_judged_instead(judged) -> None:
-    assert verdict(judged, Tolerance(0.06)).passed
-    assert not verdict(judged, Tolerance(0.06, "max")).passed
-    assert verdict(judged, Tolerance(0.18 + 1e-9, "max")).passed
+    assert conformity(judged, Tolerance(0.06)).passed
+    assert not conformity(judged, Tolerance(0.06, "max")).passed
+    assert conformity(judged, Tolerance(0.18 + 1e-9, "max")).passed
 
 
 def test_what_is_not_known_does_not_pass(judged) -> None:
     unknown = dataclasses.replace(judged[0], rms_mm=float("nan"))
-    assert not verdict((unknown, *judged[1:]), Tolerance(1.0)).passed
+    assert not conformity((unknown, *judged[1:]), Tolerance(1.0)).passed
 
 
 def test_the_sign_off_stands_in_html_and_pdf(data, judged, tmp_path) -> None:
