@@ -68,7 +68,10 @@ def continuous(
     """Open a projector and cameras, by their names in the rig, that take sequences for a `with` block."""
     with ExitStack() as opened:
         projector = opened.enter_context(closing(open_projector(projector_url, check=progress.check)))
-        cameras = {name: opened.enter_context(closing(open_camera(url))) for name, url in camera_urls.items()}
+        cameras = {}
+        for name, url in camera_urls.items():
+            said = name if len(camera_urls) > 1 else ""
+            cameras[name] = opened.enter_context(closing(open_camera(url, name=said)))
         yield Continuous(project, projector, cameras, patterns, shown_by)
 
 

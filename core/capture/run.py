@@ -119,7 +119,7 @@ def run_capture(
         raise InputError(folder, "an interrupted capture of one camera", "go on with that one, or remove its folder")
     with ExitStack() as opened:
         projector = opened.enter_context(closing(open_projector(projector_url, note, progress.check)))
-        devices = {c: opened.enter_context(closing(open_camera(url, note))) for c, url in urls.items()}
+        devices = {c: opened.enter_context(closing(open_camera(url, note, c))) for c, url in urls.items()}
         for camera, device in devices.items():
             check_sizes(project, projector, device, camera, subject.projector)
         chosen = patterns if patterns is not None else sequence_for(project, projector)
@@ -192,7 +192,7 @@ class Loop:
             self._drop(wrong, reasons)
             self.doubt()
         raise DeviceError(
-            self.store.folder,
+            self.store.folder.parent if self.beside else self.store.folder,
             f"after {ROUNDS} further tries {reasons}",
             "check the projector's settle time, its cable, the camera's trigger and, of a folder camera, its "
             "latency_ms; then start the same capture again",

@@ -63,12 +63,18 @@ def open_projector(url: str, note: Note = no_note, check: Check = no_check) -> P
     return PROJECTOR_KINDS[address.kind].open(address, note, check)
 
 
-def open_camera(url: str, note: Note = no_note) -> Camera:
-    """Open the camera that a URL names, one of `CAMERA_KINDS`; otherwise as `open_projector`."""
+def open_camera(url: str, note: Note = no_note, name: str = "") -> Camera:
+    """Open the camera that a URL names, one of `CAMERA_KINDS`; otherwise as `open_projector`.
+
+    Of several it says by its `name` in the rig which has failed.
+    """
     address = parse_address(url)
     if address.kind not in CAMERA_KINDS:
         raise _unknown(address, "camera", CAMERA_KINDS)
-    return CAMERA_KINDS[address.kind].open(address, note, no_check)
+    camera = CAMERA_KINDS[address.kind].open(address, note, no_check)
+    if name:
+        camera.name = f"{name}, {camera.name}"
+    return camera
 
 
 @contextmanager

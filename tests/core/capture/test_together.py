@@ -146,6 +146,24 @@ def test_an_interrupted_capture_of_one_camera_is_no_capture_of_two(two: Project)
         take_both(two)
 
 
+@pytest.mark.parametrize("faults", ["no-frame:1", "torn-frame:1"])
+def test_the_camera_that_fails_is_named(two: Project, faults: str) -> None:
+    """Nothing is listed; the next call goes on with what both have."""
+    urls = {"left": FLAT, "right": f"{FLAT}?faults={faults}"}
+    with pytest.raises(DeviceError) as error:
+        run_capture(two, Subject("object", "a"), FLAT, urls, patterns=PATTERNS)
+    said = str(error.value)
+    if faults == "no-frame:1":
+        assert said.startswith("right, virtual camera: no image within")
+    else:
+        assert said.startswith(f"{two.path / 'captures' / 'a'}: after")
+        assert "right: " in said
+        assert "left" not in said
+    assert read_project(two.path).captures == ()
+    take_both(two)
+    check_both(two)
+
+
 def test_the_projector_that_is_named_shows_the_patterns(stereo: Project, edit_json, capsys) -> None:
     """Of two of different sizes; without a name the first one is meant."""
     document = json.loads((stereo.path / "project.json").read_text())
