@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from core.calibrate.columns import without_unobservable
+from core.calibrate.datum import check_known
 from core.calibrate.equations import cost_of
 from core.calibrate.from_images import dimensions, located_by_images
 from core.calibrate.groups import without, wrong_group
@@ -102,6 +103,7 @@ def solve_network(network: Network, options: AdjustOptions, progress: Progress =
     except SettledError:
         raise
     except AdjustmentError:
+        check_known(network)
         extent = dimensions(network.point_xyz_mm)
         every = tuple(network.devices) if extent > 1 else ()
         # mirrored images of a flat board are those of its back

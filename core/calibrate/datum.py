@@ -6,8 +6,11 @@ import numpy as np
 
 from core.calibrate.problem import Problem, movements
 from core.calibrate.state import State
+from core.errors import InputError
 from core.geometry import similarity
-from core.model import Array
+from core.model import Array, Network
+
+OPEN = 0.1  # of the field, by which coordinates known before leave its rim to move
 
 
 def datum_columns(xyz: Array, free: Array) -> Array:
@@ -38,6 +41,31 @@ def null_space(problem: Problem, state: State) -> Array:
             if column >= 0:
                 H[column] = length * free[6]
     return H
+
+
+def check_known(network: Network) -> None:
+    """Refuse coordinates known before that leave a turn or the scale of the field open, though not wholly.
+
+    What they do not touch at all is the datum's; what they hardly touch lets every point move by more than images say.
+    """
+    sigma = network.point_sigma_mm
+    if sigma is None or not np.any(known := np.isfinite(sigma) & (sigma > 0)) or np.any(sigma == 0):
+        return
+    local = network.point_xyz_mm - network.point_xyz_mm.mean(axis=0)
+    size = max(float(np.abs(local).max()), 1e-12)
+    rows = movements(local / size)[known.ravel()] / sigma[known][:, None]
+    if network.scale or network.lengths:
+        rows = rows[:, :6]
+    weights = np.linalg.svd(np.vstack([rows, np.zeros((7, rows.shape[1]))]), full_matrices=False)[1]
+    open_mm = 1 / min(w for w in weights if w > 1e-9 * weights[0])
+    if open_mm > OPEN * size:
+        axes = " and ".join(f"{name}_mm" for k, name in enumerate("xyz") if np.any(known[:, k]))
+        raise InputError(
+            "points.csv",
+            f"sigmas of {axes} of {np.count_nonzero(known.any(axis=1))} points leave a turn or the scale of the field "
+            f"open to {open_mm:.2g} mm",
+            "give sigmas of x, y and z of three points that lie far apart, or of none",
+        )
 
 
 def aligned(problem: Problem, state: State) -> State:

@@ -134,3 +134,15 @@ def test_gross_errors_are_named_before_the_residuals_that_they_cause(simulate):
     assert told.state == "failed"
     station, point = network.observation_station[40], network.observation_point[40]
     assert f"station {network.station_names[station]} point {network.point_names[point]} " in told.because[0]
+
+
+@pytest.mark.parametrize("axes", [[0, 1], [2]])
+def test_coordinates_known_in_part_that_leave_a_flat_field_open_are_refused_by_name(simulate, axes):
+    """Of a plane known in x and y alone, or in z alone, a turn or the scale changes what is known by its square."""
+    network = simulate(seed=4, use=("camera",), scale=False, approximation_mm=1.0).network
+    sigma, known = np.full(network.point_xyz_mm.shape, np.inf), [10, 13, 34, 37]
+    sigma[np.ix_(known, axes)] = 10.0
+    with pytest.raises(InputError, match=r"points\.csv: sigmas of .* of 4 points leave a turn or the scale"):
+        adjust(replace(network, point_sigma_mm=sigma))
+    sigma[known] = 2.0
+    assert judge_adjustment(adjust(replace(network, point_sigma_mm=sigma))).verdict.state == "passed"
