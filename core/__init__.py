@@ -36,6 +36,11 @@ From arrays, without files: `decode_frames`, `calibrate_points`, `reconstruct_ph
 `project_points`, `undistort_image`, all in `core.api`.
 """
 
+from core.starting import is_command, listen
+
+if is_command():
+    listen()
+
 from typing import TYPE_CHECKING, Any
 
 from core.lazy import attach

@@ -35,6 +35,7 @@ ALLOWED = {
     "numerics": {"compiling"},
     "lazy": set(),  # which every room may import
     "resources": set(),
+    "starting": set(),
     "compiling": {"atomic", "progress", "resources"},
     "model": {"geometry", "patterns"},  # for type annotations only: see below
     "geometry": {"errors", "model"},
@@ -72,6 +73,7 @@ ALLOWED = {
         "report",
         "batch",
         "demo",
+        "starting",
     },
     "__main__": {"cli"},
 }

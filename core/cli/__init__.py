@@ -22,6 +22,7 @@ from core.cli.commands import exchange, experiment, recording, results, road, st
 from core.cli.console import Console, Unread
 from core.errors import Cancelled, InputError, StripeError
 from core.progress import Progress
+from core.starting import ENDING, end_at_once
 
 GROUPS = (experiment, recording, road, results, state, watching, exchange)
 _ended = 0  # by which signal
@@ -36,9 +37,8 @@ def run() -> None:
         if getattr(sys, name) is None:  # it was closed
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  to the end
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # as on stderr: σ is not in all codes
-    ending = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGINT") if hasattr(signal, name)]
-    usual = (signal.SIG_DFL, signal.default_int_handler)  # nohup's is left alone
-    heard = [number for number in ending if signal.getsignal(number) in usual]
+    usual = (signal.SIG_DFL, signal.default_int_handler, end_at_once)  # nohup's is left alone
+    heard = [number for number in ENDING if signal.getsignal(number) in usual]
     for number in heard:
         signal.signal(number, _end)
     gc.set_threshold(20_000)  # imports leave few cycles to look for: 4 to 10 % less time, no more memory

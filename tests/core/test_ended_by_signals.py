@@ -35,6 +35,24 @@ def test_a_command_ends_in_one_line_and_leaves_nothing(number: int, tmp_path: Pa
     assert not [path for path in tmp_path.rglob("*") if path.name.endswith((".part", ".lock"))]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="has no such signals")
+def test_a_command_ends_in_one_line_while_its_first_parts_are_loaded(tmp_path: Path) -> None:
+    """The signal comes when the package asks for the first module that it shares with all others."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, signal, sys\n"
+        "class Ending:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'core.lazy':\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Ending())\n"
+    )
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "core", "status", str(tmp_path)]
+    ended = subprocess.run(command, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False)
+    assert ended.returncode == 130
+    assert ended.stderr == "stripe-core: the command: cancelled; start it again when you want the result\n"
+
+
 def test_an_end_that_a_callback_swallowed_comes_at_the_next_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
     monkeypatch.setattr(cli, "_ended", 0)
