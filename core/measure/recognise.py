@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from core.errors import InputError, NotRecognisedError
 from core.measure.board import board_from_testfield
-from core.measure.kinds import Guesses, kind_of
+from core.measure.kinds import TARGET_KINDS, Guesses, kind_of
 from core.measure.picks import Side
 from core.measure.single import measured_view
 from core.measure.targets import measure_targets
 from core.measure.turns import SAME, Labelling, labelling_between, relabelled, symmetries
 from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 
+LIKELY = ("chessboard", "dots")  # kinds without a code that are taken for others; squares look like dots, too
 MOST_TRIES = 4  # guesses that are measured until one holds
 LEAST = 4  # targets measured, for a guess to hold
 ANOTHER = 0.25  # of the targets of a board, from which what looks like it elsewhere is another such board
@@ -99,6 +100,12 @@ def recognise(
             f"the board looks like one of polarity {other}, its testfield file says {testfield.polarity}",
             "correct it if that file is of this board, or pick 4 targets",
         )
+    if (kind.round or not seen) and (like := _like(phase, testfield, camera, facing)):
+        raise NotRecognisedError(
+            capture or "image",
+            f"the board looks like one of kind {like}, its testfield file says {testfield.kind}",
+            f'write "# kind: {like}" if that file is of this board, or name the board that was captured',
+        )
     what = f"{seen} {kind.plural} in order, which do not fit the board" if seen else f"no {kind.plural} in order"
     raise NotRecognisedError(
         capture or "image",
@@ -122,6 +129,17 @@ def _reach(testfield: Testfield, camera: DeviceSpec, found: TargetSet, ways: Seq
             outline = cv2.convexHull(np.clip(uv[np.isfinite(uv[:, 0])], -1e4, 1e5).astype(np.int32))
             cv2.fillConvexPoly(inside, outline, 1.0)
     return inside > 0
+
+
+def _like(phase: PhaseMap, testfield: Testfield, camera: DeviceSpec, facing: str) -> str:
+    """Name the other kind of targets, dots or corners, of which the board's rows and columns are seen; "" for none."""
+    for name in LIKELY:
+        if name == testfield.kind or (name == "dots" and TARGET_KINDS[testfield.kind].round):
+            continue
+        with suppress(InputError):
+            if TARGET_KINDS[name].guess(phase.image, replace(testfield, kind=name), camera, (), facing)[1]:
+                return name
+    return ""
 
 
 def _mirrored(phase: PhaseMap) -> PhaseMap:

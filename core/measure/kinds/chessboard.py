@@ -225,7 +225,8 @@ def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> M
         dim = ~(np.abs(fit.contrast) > LEAST_CONTRAST * min(usual, _noise(sight.image)))
         dim |= np.abs(fit.contrast) < LEAST_SHARE * np.median(np.abs(fit.contrast))
         rough = ~(fit.rest < 1.6 * usual + kind.rough * np.abs(fit.contrast)) | ~np.isfinite(fit.uv[:, 0])
-        rough |= fit.blur > SMEARED * float(np.median(fit.blur[~rough & ~dim]))
+        if np.any(clear := ~rough & ~dim):
+            rough |= fit.blur > SMEARED * float(np.median(fit.blur[clear]))
     for bad, why in ((dim, "no contrast"), (rough, "it is not a corner of four even squares: covered or disturbed")):
         missing |= dict.fromkeys(known[bad].tolist(), why)
     good = ~(dim | rough) & ~np.isin(known, list(sight.unwanted))

@@ -1,5 +1,6 @@
 """Chessboards and ChArUco boards drawn by OpenCV, seen through OpenCV's camera model: neither is ours."""
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -190,6 +191,13 @@ def test_a_board_of_other_rows_and_columns_is_not_recognised(rows, cols):
     field = Testfield(row, col, places, np.full(len(row), SQUARE), kind="chessboard")
     with pytest.raises(NotRecognisedError, match="corners in order, which do not fit the board"):
         recognise(phase_of(image), field, SPEC)
+
+
+@pytest.mark.parametrize("said", ["dots", "charuco", "tags"])
+def test_a_board_said_to_be_of_another_kind_is_named_by_what_it_looks_like(said):
+    image, _ = photograph("chessboard", np.random.default_rng(11), 25)
+    with pytest.raises(NotRecognisedError, match=f"looks like one of kind chessboard, its testfield file says {said}"):
+        recognise(phase_of(image), replace(field_of("chessboard"), kind=said), SPEC)
 
 
 def test_no_board_is_no_board():
