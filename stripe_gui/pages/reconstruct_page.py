@@ -208,7 +208,7 @@ class ReconstructPage(MapPage):
             return
         if not (cameras := cameras_of(self.session.opened.entry(name))):
             return
-        self._joint = wanted, made[1]
+        self._joint, self._points, self._waiting = (wanted, made[1]), None, ""
         scene, words = joint_scene(made[1], self.kind.currentData(), cameras)
         said = [self.tr("{n} points.").format(n=made[1].xyz_mm.shape[1])]
         if covered := coverage(made[1]):

@@ -97,9 +97,17 @@ def load_points(path: Path, progress: Progress = SILENT) -> Points:
     with np.load(path, allow_pickle=False) as stored:
         whole = stored.get("sigma", stored.get("sigma_xyz"))
         sigma = stored.get("sigma_depth") if whole is None else whole[..., 2]
-        beside = kept_object(path.with_suffix(".json")).get("verdict")
-        verdict = Verdict(beside["state"], tuple(beside["because"])) if isinstance(beside, dict) else None
-        return Points(stored["xyz"], sigma, verdict)
+        return Points(stored["xyz"], sigma, _kept_verdict(kept_object(path.with_suffix(".json")).get("verdict")))
+
+
+def _kept_verdict(kept: object) -> Verdict | None:
+    """Take a verdict from the file beside points; None where the file, which anybody may have written, has none."""
+    found = kept if isinstance(kept, dict) else {}
+    state, because = found.get("state"), found.get("because")
+    sentences = [text for text in because if isinstance(text, str)] if isinstance(because, list) else []
+    if state not in ("passed", "doubtful", "failed") or sentences != because:
+        return None
+    return Verdict(state, tuple(sentences))
 
 
 def map_view(points: Points, kind: str, progress: Progress = SILENT) -> MapView | None:

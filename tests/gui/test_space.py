@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 
 from core.geometry import Pose
-from core.model import DeviceSpec, Interior, PointCloud
-from stripe_gui.presenters.reconstruct import PATCHES, joint_scene, merged_scene
+from core.model import DeviceSpec, Interior, PointCloud, Verdict
+from core.pipeline import keep_points
+from stripe_gui.presenters.reconstruct import PATCHES, joint_scene, load_points, merged_scene
 from stripe_gui.presenters.rig_space import Stand, common_slices, field
 from stripe_gui.presenters.space import Line, Scene, seen
 from stripe_gui.widgets.space_view import DISTANCE, FROM_CAMERA, SpaceView
@@ -99,7 +102,8 @@ def test_a_capture_by_several_cameras_offers_the_points_of_all(
 
     xyz = np.random.default_rng(1).normal(size=(1, 500, 3)).astype(np.float32)
     ones = np.ones((1, 500), np.uint8)
-    cloud = PointCloud(xyz, np.full((1, 500, 3), 0.02, np.float32), None, ones, 0 * ones)
+    doubted = Verdict("doubtful", ("left: a frame is black",))
+    cloud = PointCloud(xyz, np.full((1, 500, 3), 0.02, np.float32), None, ones, 0 * ones, verdict=doubted)
     monkeypatch.setattr(reconstruct_page, "seen_by_several", lambda project, name: True)
     filled = replace(cloud, sight=np.where(np.arange(500) < 100, 5, ones).astype(np.uint8), object_px=1000)
 
@@ -109,11 +113,13 @@ def test_a_capture_by_several_cameras_offers_the_points_of_all(
     monkeypatch.setattr(reconstruct_page, "reconstruct_views", views)
     monkeypatch.setattr(reconstruct_page, "cameras_of", lambda entry: ["left", "right"])
     window.open_path(finished_project)
+    keep_points(window.bench.session.opened.project, window.bench.session.capture_name, "photogrammetric")
     window.show_page("reconstruct")
     page = window.page
     idle(window, qtbot)
     page.kind.setCurrentIndex(page.kind.findData("joint-sight"))
     idle(window, qtbot)
+    assert [box.verdict for box in page.verdicts.boxes] == [doubted]
     assert page.stack.currentWidget() is page.space
     assert page.state.text().startswith("500 points.&emsp;<")
     assert page.state.textFormat() == Qt.TextFormat.RichText
@@ -125,6 +131,11 @@ def test_a_capture_by_several_cameras_offers_the_points_of_all(
     idle(window, qtbot)
     assert page.stack.currentWidget() is page.view
     assert page.fill.isHidden()  # it is of all cameras' points
+    own = page.state.text()
+    for kind in ("joint-sight", "shaded"):  # neither is worked out again
+        page.kind.setCurrentIndex(page.kind.findData(kind))
+        idle(window, qtbot)
+    assert (page.state.text(), page.verdicts.boxes) == (own, [])
     window.show_page("rig")
     assert page.bench.session.opened.project.rig.is_pair
     assert [page.text for page in window.page.space.space.scene.names][:2] == ["camera", "projector"]
@@ -171,3 +182,17 @@ def test_merged_points_are_coloured_by_the_capture_that_made_them_alone() -> Non
     scene, words = merged_scene(cloud, made_by)
     assert [words.count(name) for name in ("front 1", "left 1", "by several 4")] == [1, 1, 1]
     assert len({tuple(colour) for colour in scene.colours}) == 3
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [5, "doubtful", {}, {"state": "doubtful"}, {"state": "evil", "because": ["x"]},
+     {"state": ["failed"], "because": ["x"]}, {"state": "failed", "because": "x"}, {"state": "failed", "because": [1]}],
+)  # fmt: skip
+def test_points_are_shown_whatever_stands_for_their_verdict(tmp_path: Path, kept: object) -> None:
+    xyz, path = np.zeros((2, 2, 3), np.float32), tmp_path / "a.npz"
+    np.savez(path, xyz=xyz)
+    path.with_suffix(".json").write_text(json.dumps({"verdict": kept}))
+    assert load_points(path).verdict is None
+    path.with_suffix(".json").write_text(json.dumps({"verdict": {"state": "failed", "because": ["it slipped"]}}))
+    assert load_points(path).verdict == Verdict("failed", ("it slipped",))
