@@ -18,6 +18,7 @@ from core.model import (
     Concern,
     Method,
     Network,
+    Note,
     Pair,
     PhaseMap,
     PhotogrammetricCalibration,
@@ -136,7 +137,9 @@ def said_of(capture: Capture, phases: Sequence[PhaseMap], calibration: Calibrati
 
     Cameras are held against each other where the projector only labels places. A corrected pair stands as it should.
     """
-    said: list[str] = [*capture.notes, *(note for phase in phases for note in phase.notes)]
+    several = len({phase.camera for phase in phases}) > 1
+    of_frames = [(f"{phase.camera}: " if several else "", note) for phase in phases for note in phase.notes]
+    said: list[str] = [*capture.notes, *(Note(f"{by}{note}", named_by(note)) for by, note in of_frames)]
     if isinstance(calibration, PhotogrammetricCalibration) and calibration.projectors:
         for phase in phases:
             if knows(calibration, phase.camera, phase.projector):

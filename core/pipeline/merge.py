@@ -26,6 +26,7 @@ from core.model import (
 )
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
+from core.pipeline.evidence import because_of
 from core.pipeline.folders import find_capture, result_path
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.measure import boards_of, measured_targets
@@ -83,13 +84,14 @@ def merge_captures(
     for capture, seen in zip(captures, phases, strict=True):
         phase = next(p for p in seen if (p.camera, p.projector) == pair)
         views.append(View(phase, reconstruct(phase, calibration), name=capture.name))
+    said = {c.name: said_of(c, seen, calibration) for c, seen in zip(captures, phases, strict=True)}
     targets = {t.capture: t for t in _targets(project, captures) if (t.camera, t.projector) == pair}
     views = [replace(view, targets=targets.get(view.name)) for view in views]
-    starts = starts_of(views, calibration, progress.part(0.5, 0.6))
-    found = register(views, calibration, starts, by=by, progress=progress.part(0.6, 0.8))
+    with because_of(said):
+        starts = starts_of(views, calibration, progress.part(0.5, 0.6))
+        found = register(views, calibration, starts, by=by, progress=progress.part(0.6, 0.8))
     everywhere = at_stations(calibration, found, pair[0])
     cloud, image, sources = joined(phases, [capture.name for capture in captures], everywhere, progress.part(0.8, 1.0))
-    said = {c.name: said_of(c, seen, calibration) for c, seen in zip(captures, phases, strict=True)}
     cloud = judge_points(cloud, said, "photogrammetric", calibration)
     sigmas = found.sigmas(calibration.covariance)
     with suppress(InputError):  # the project may only be read

@@ -255,9 +255,20 @@ def _batch(options: Options, progress: Progress) -> dict[str, Any]:
         progress=progress,
     )
     print(f"{report.count('done')} done, {report.count('left')} up to date, {report.count('failed')} failed")
+    for outcome in report.outcomes:
+        _print_doubts(outcome.capture, outcome.figures, not options.project.rig.is_pair)
     if bad := [outcome for outcome in report.outcomes if outcome.state == "failed"]:
         raise StripeError(bad[0].capture, bad[0].error, f"see all in {options.out / 'summary.json'} and run it again")
     return report.figures()
+
+
+def _print_doubts(capture: str, figures: dict[str, Any], several: bool) -> None:
+    """Print what speaks against a capture's planes, whose verdicts hold those of its points, or else against these."""
+    planes = [plane for plane in figures.get("evaluate", ()) if plane["verdict"]["state"] != "passed"]
+    print_plane_verdicts(planes, several)
+    of_points = figures.get("reconstruct", {}).get("verdict")
+    if not planes and of_points and of_points["state"] != "passed":
+        print_verdict(capture, of_points)
 
 
 def _tell_outdated(options: Options, method: str | None = None) -> None:

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from core.cli import main
-from core.model import Note, PointCloud, Verdict
-from core.pipeline import keep_points, load_calibrations
-from core.pipeline.judge import judge_points
+from core.errors import StripeError
+from core.model import Note, PhaseMap, PointCloud, Verdict, named_by
+from core.pipeline import find_capture, keep_points, load_calibrations, merge_captures
+from core.pipeline.judge import judge_points, said_of
 from core.project import read_project
 
 OBJECT = "plane+00"
@@ -26,8 +27,8 @@ def told(words: list[str], tmp_path: Path) -> dict[str, Any]:
     return dict(json.loads(figures.read_text()))
 
 
-def disturb(project: Path, change: Disturb) -> None:
-    files = sorted((project / "captures" / OBJECT).glob("[0-9]*"))
+def disturb(project: Path, change: Disturb, capture: str = OBJECT) -> None:
+    files = sorted((project / "captures" / capture).glob("[0-9]*"))
     for file, image in zip(files, change([cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files]), strict=True):
         file.unlink()  # which may be the same file as that of another copy
         cv2.imwrite(str(file), image)
@@ -60,6 +61,7 @@ def test_what_speaks_against_a_capture_speaks_against_its_points(
     assert f"{OBJECT}: {state}" in capsys.readouterr().out
     batch = told(["batch", str(calibrated), OBJECT, "--do", "reconstruct", "--out", str(tmp_path / "b")], tmp_path)
     assert batch["captures"][0]["reconstruct"]["verdict"] == verdict
+    assert (f"{OBJECT}: {state}" in capsys.readouterr().out) == (state != "passed")
     kept = keep_points(read_project(calibrated), OBJECT, "photogrammetric")
     assert json.loads(kept.with_suffix(".json").read_text())["verdict"] == verdict
 
@@ -89,3 +91,25 @@ def test_what_is_made_with_a_calibration_that_failed_says_so(calibrated: Path, t
     assert first["because"][0] in of_points["because"][0]
     assert told(["export", str(calibrated), "--to", "ros", str(tmp_path / "a.yaml")], tmp_path)["verdict"] == first
     assert told(["uncertainty", str(calibrated)], tmp_path)["verdict"] == first
+
+
+def test_what_frames_say_names_the_camera_where_there_are_several(calibrated: Path) -> None:
+    project = read_project(calibrated)
+    capture, of_depths = find_capture(project, OBJECT), load_calibrations(project)["polynomial"]
+    nothing = np.zeros((2, 2), np.float32)
+    said = (Note("a frame is black", "value"), Note("a pick is not used", "pick"))
+    left = PhaseMap(*[nothing] * 7, notes=said, camera="left")
+    assert said_of(capture, [left], of_depths) == said
+    notes = said_of(capture, [left, replace(left, camera="right")], of_depths)
+    assert notes == tuple(f"{camera}: {note}" for camera in ("left", "right") for note in said)
+    assert [named_by(note) for note in notes] == ["value", "pick"] * 2
+
+
+def test_captures_that_cannot_be_merged_say_what_is_wrong_with_them(calibrated: Path) -> None:
+    def early(images: list[np.ndarray]) -> list[np.ndarray]:
+        images[1], images[2] = images[2], images[1]
+        return images
+
+    disturb(calibrated, early, "testfield-02")
+    with pytest.raises(StripeError, match=r"do not settle .*First see to this: testfield-02: frames across columns"):
+        merge_captures(read_project(calibrated), ["testfield-01", "testfield-02"])
