@@ -186,7 +186,8 @@ def _turned(scene: _Scene, free: Freedom, options: OrientOptions, progress: Prog
             lines = float(np.median(np.abs(scene.start.e) * sigma))
             raise AdjustmentError(
                 scene.capture,
-                f"camera and projector see it {lines:.2g} lines off each other's rays, and no movement explains it",
+                f"{scene.phase.camera} and {scene.phase.projector} see it {lines:.2g} lines off each other's rays, and "
+                "no movement explains it",
                 "one of them was turned round, exchanged or mirrored, or the frames are of another rig: see to that, "
                 "or calibrate again",
             )

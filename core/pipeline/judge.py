@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from core.checks.planes import Form
 
 PLACES = 1000  # means of pixels that tell whether a rig has moved so far that it matters to points
-OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less does not matter to points
+OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less matters to points in depth alone
+OFF_IN_DEPTH = 4.0  # standard deviations of a change of depth; by chance once in 16,000 captures
 
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
@@ -164,8 +165,16 @@ def _moved(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair, capt
         return ()
     except AdjustmentError as error:
         return (f"{error.seen}: {error.remedy}",)
-    if not motion.moved or motion.residual_rms < OFF_EPIPOLAR * motion.corrected_rms:
+    deeper, sigma = motion.depth_change_mm, motion.depth_sigma_mm
+    off = motion.residual_rms >= OFF_EPIPOLAR * motion.corrected_rms
+    if not motion.moved or not (off or abs(deeper) > OFF_IN_DEPTH * sigma):
         return ()
+    if not off:  # turned in the plane of both axes, a device hardly leaves the epipolar lines
+        return (
+            f"{phase.camera} and {phase.projector} do not see it as they were calibrated: with the movement taken out, "
+            f"depths change by {deeper:+.2g} ± {sigma:.1g} mm (p = {motion.p:.1g}): one of them moved since, or the "
+            "frames are shifted or of another rig; see `stripe-core orient`, or calibrate again",
+        )
     return (
         f"{phase.camera} and {phase.projector} do not see it as they were calibrated: epipolar residuals of "
         f"{motion.residual_rms:.2g} where noise leaves {motion.corrected_rms:.2g} (p = {motion.p:.1g}): one of them "

@@ -35,7 +35,10 @@ def _pattern(english: str, text: str) -> tuple[str, re.Pattern[str], str]:
     pieces = english.strip(EDGE).split("{}")
     said = sum(map(str.isalpha, "".join(pieces)))
     gap = FIGURES if said < 4 else "(.*?)"  # a word or two would be found in any sentence
-    return max(pieces, key=len), re.compile(gap.join(map(re.escape, pieces)), re.DOTALL), text.strip(EDGE)
+    expression = gap.join(map(re.escape, pieces))
+    if expression.startswith("(.*?)"):  # what stands before a colon is no part of it
+        expression = f"((?:(?!: ).)*?){expression[5:]}"
+    return max(pieces, key=len), re.compile(expression, re.DOTALL), text.strip(EDGE)
 
 
 @lru_cache(maxsize=4096)

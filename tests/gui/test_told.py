@@ -144,6 +144,14 @@ def test_whatever_is_said_of_running_work_has_a_translation(german: None) -> Non
             "die Bildpunkte um 0.36 σ r.m.s.; über 20 Lagen streut die relative Orientierung um 0.213 mm und 0.367 "
             "mrad r.m.s.; mit freien Standpunkten ausgleichen und die Geräte fest montieren",
         ),
+        (
+            "plane+00: left and projector do not see it as they were calibrated: with the movement taken out, depths "
+            "change by -1.8 ± 0.3 mm (p = 3e-22): one of them moved since, or the frames are shifted or of another "
+            "rig; see `stripe-core orient`, or calibrate again",
+            "plane+00: „links“ und „Projektor“ sehen es nicht so, wie sie kalibriert wurden: ohne die Bewegung ändern "
+            "sich Tiefen um -1.8 ± 0.3 mm (p = 3e-22): einer hat sich seither bewegt, oder die Bilder sind verschoben "
+            "oder von einem anderen Aufbau; siehe `stripe-core orient`, oder neu kalibrieren",
+        ),
         ("the words of a plug-in of somebody", "the words of a plug-in of somebody"),
         ("testfield-03: not measured yet; is gone", "testfield-03: noch nicht gemessen; fehlt jetzt"),
     ],
