@@ -39,7 +39,7 @@ from core.pipeline.report import report_data
 from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
 from core.reconstruct import Sight
-from core.report import Tolerance, tables, verdict
+from core.report import Tolerance, conformity, tables
 from core.report.document import compose
 from core.report.figures.planes import plane_drawings
 from core.report.numbers import volume_table
@@ -141,7 +141,7 @@ def test_reports_say_whose_planes_they_tell_of(project: Project, plain_reports: 
     assert keys == {"deviations left.", "deviations right.", "histograms left.", "histograms right."}
     rows = [axes.get_ylabel() for drawing in plane_drawings(data) for axes in drawing.figure.axes]
     assert sum("all devices" in label for label in rows) == sum("\nprojector" in label for label in rows) == 4
-    assert "plane+15, left and projector photogrammetric" in verdict(data.evaluations, Tolerance(1e-3)).text
+    assert "plane+15, left and projector photogrammetric" in conformity(data.evaluations, Tolerance(1e-3)).text
 
 
 def test_figures_have_all_devices_and_orientations(project: Project) -> None:
