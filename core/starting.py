@@ -21,6 +21,9 @@ def listen() -> None:
 
 
 def end_at_once(number: int, frame: object) -> None:
-    """Nothing is open yet; whatever import it is in, no error is made of it."""
+    """End in the words of `core.errors.Cancelled`, which may not be there yet.
+
+    Nothing is open; whatever import it is in, no error is made of it.
+    """
     os.write(2, b"stripe-core: the command: cancelled; start it again when you want the result\n")
     os._exit(128 + number)

@@ -7,11 +7,12 @@ other, and what is overweighed bends the points to itself and leaves little.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from core.errors import StripeError
+from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Ints, Network
 from core.numerics import chi_square_limit, erf, fisher_limit, median_of, sigma_by_median
 
