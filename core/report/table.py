@@ -19,8 +19,8 @@ class Number:
 
     Examples
     --------
-    >>> Number(12.1027651, ".6f").text, Number(-0.000603793, "E6").text
-    ('12.102765', '-0.603793e-3')
+    >>> Number(12.1027651, ".6f").text, Number(-0.000603793, "E6").text, Number(-0.001, ".2f").text
+    ('12.102765', '-0.603793e-3', '0.00')
     """
 
     value: float
@@ -36,6 +36,7 @@ class Number:
             body = _leading_zero(self.value, int(self.spec[1:]))
         else:
             body = format(self.value, self.spec)
+            body = body if float(body) else body.replace("-", "")  # nothing is left of the sign of a rounded zero
         return f"{body} ({self.mark})" if self.mark else body
 
 

@@ -24,6 +24,7 @@ from core.report.figures.canvas import (
 LEGEND = 4  # entries side by side
 MARKERS = ("o", "s", "^", "D", "v", "P")
 STRONG = 0.7  # a correlation from here on is written into its cell
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def network_drawings(adjustment: Adjustment) -> list[Drawing]:
@@ -99,13 +100,15 @@ def _convergence(adjustment: Adjustment) -> Drawing:
     axes.plot(steps, values, "o-", color=device_colour(0), lw=1.3, ms=4)
     if np.all(values > 0):
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_major_formatter(
+            FuncFormatter(lambda value, _: _powers(np.format_float_scientific(value, 4, trim="-")))
+        )
         axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="iteration", ylabel="weighted sum of squares vᵀPv")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.margins(x=0.08, y=0.2)
     for i in sorted({0, len(values) - 1}):
-        text, at = f"{values[i]:.5g}", (steps[i], values[i])
+        text, at = _powers(f"{values[i]:.5g}"), (steps[i], values[i])
         axes.annotate(text, at, xytext=(0, 7), textcoords="offset points", ha="center", fontsize=8)
     caption = (
         "The weighted sum of squared residuals at every iteration, on a logarithmic scale. A sound adjustment falls "
@@ -120,6 +123,13 @@ def _convergence(adjustment: Adjustment) -> Drawing:
         f"Weighted sum of squares by iteration: {told}.",
         figure,
     )
+
+
+def _powers(text: str) -> str:
+    """Write a number's exponent, if it has one, as a power of ten: 5.03e+09 is 5.03·10⁹, and 1e+09 is 10⁹."""
+    digits, _, exponent = text.partition("e")
+    power = "10" + str(int(exponent)).translate(SUPERSCRIPTS) if exponent else digits
+    return power if digits == "1" or not exponent else f"{digits}·{power}"
 
 
 def _correlations(found: Correlations) -> Drawing:
