@@ -10,7 +10,7 @@ import os
 import select
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,17 @@ from core.devices.protocol import Check, no_check, wait_until
 from core.errors import DeviceError
 
 _WRITE_S = 2.0
+_WORDS = {  # pyserial's, in part, of the various systems: what they mean to whoever looks at the cable
+    "returned no data": "it was unplugged, or another program reads from it",
+    "ClearCommError": "it was unplugged",
+    "OverlappedResult": "it was unplugged",
+    "WriteFile failed": "it was unplugged",
+    "ReadFile failed": "it was unplugged",
+    "disconnected": "the other end has closed the connection",
+    "not open": "it was closed meanwhile",
+    "Write timeout": "the other end takes no more bytes",
+    "lock port": "another program uses it",
+}
 _GRAIN_S = 0.01  # of waiting for a byte
 REPORT = 64  # bytes; a write begins with the report's number, which is 0 where a device has only one
 Identity = tuple[int, int, str]  # vendor, product and serial number of a USB device
@@ -153,8 +164,22 @@ class Link:
         wait_until(self._ready_s, check)
         for at in range(0, len(data), size := 1 if self._byte_s else max(len(data), 1)):
             with self._wrapped("does not take bytes"):
-                self._port.write(data[at : at + size])
+                self._write(data[at : at + size], check)
             wait_until(time.monotonic() + self._byte_s, check)
+
+    def _write(self, data: bytes, check: Check) -> None:
+        """Send bytes as the line takes them; `check` is called while the other end holds it."""
+        if os.name == "nt" or is_hid(self.place) or "://" in self.place:
+            self._port.write(data)
+            return
+        number, end = self._port.fileno(), time.monotonic() + _WRITE_S
+        while data:
+            check()
+            if select.select([], [number], [], _GRAIN_S)[1]:
+                with suppress(BlockingIOError):
+                    data = data[os.write(number, data) :]
+            elif time.monotonic() > end:
+                raise TimeoutError(0, "Write timeout")
 
     def receive(self, until_s: float, check: Check = no_check) -> bytes:
         """Give what has arrived, waiting for it until a moment of `time.monotonic`; empty if nothing came.
@@ -197,8 +222,17 @@ class Link:
         try:
             yield
         except (OSError, ValueError, TypeError, AttributeError, _termios_error()) as error:
-            why = os.strerror(number) if (number := getattr(error, "errno", None)) else error  # pyserial says it twice
-            raise LineDownError(self.url, f"the line {what} ({why})", self._remedy) from error
+            raise LineDownError(self.url, f"the line {what} ({_why(error)})", self._remedy) from error
+
+
+def _why(error: BaseException) -> str:
+    """Say why a line failed in words of the system or our own."""
+    if plain := next((plain for words, plain in _WORDS.items() if words in str(error)), None):
+        return plain
+    if number := getattr(error, "errno", None):  # pyserial says it twice
+        return os.strerror(number)
+    cause = error.__cause__ or error.__context__  # and of some it wraps the words alone
+    return _why(cause) if isinstance(cause, OSError) else str(error)
 
 
 def _pyserial() -> Any:

@@ -225,6 +225,9 @@ class SerialProjector:
                 raise
             except (LineDownError, EmptyError, UnansweredError) as error:
                 self.note(self.name, str(error))
+                if recovery == _RECOVERIES and isinstance(error, LineDownError):
+                    seen = f"{error.seen}, for the {recovery + 1}th time in one call"
+                    raise LineDownError(self.name, seen, "check plugs, cable and the device's supply") from error
                 if recovery == _RECOVERIES or isinstance(error, UnansweredError):
                     raise
         raise AssertionError("unreachable")
