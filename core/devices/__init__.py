@@ -9,6 +9,7 @@ virtual.py   a projector and a camera that share such a scene
 profile.py   how a given serial projector is spoken to
 profiles.py, entries.py, wrapping.py  ... read from a data file in resources/profiles
 template.py  its commands and answers, filled in and recognised
+packing.py   the light of lines in them
 framing.py   lines of text and binary frames, and their check values
 link.py      a serial line or HID reports that always come back in time; which ports there are
 dialogue.py  questions and answers on that line

@@ -13,7 +13,7 @@ from core.devices.framing import unwrap, wrap
 from core.devices.link import LineDownError, Link
 from core.devices.profile import MEANINGS, Profile, Step
 from core.devices.protocol import Check, Note, no_check, no_note, wait_until
-from core.devices.template import Value, Values, calculated, room_of, takes_anything
+from core.devices.template import Template, Value, Values, calculated, room_of, takes_anything
 from core.errors import DeviceError, NotThereError
 
 _REOPEN_S = 3.0  # for a line to come back
@@ -108,7 +108,7 @@ class Dialogue:
             sent = {**values, "tag": self._tag}
             self.sent, self.heard = b"", bytearray()
             if step.send is not None:
-                self.sent = wrap(self.profile.framing, step.send.fill(sent))
+                self.sent = self._filled(command, step.send, sent)
                 self.up.send(self.sent, self.cancel)
             if step.expect is None and not step.prompted:
                 return {}
@@ -126,6 +126,12 @@ class Dialogue:
             f"{command}: {told}" + f", {tries} times" * (tries > 1),
             "check that the projector is on, the cable, the baud rate and the profile",
         )
+
+    def _filled(self, command: str, template: Template, values: Values) -> bytes:
+        try:
+            return wrap(self.profile.framing, template.fill(values))
+        except ValueError as error:
+            raise DeviceError(self.name, f"{command}: {error}", "give the field more room in the profile") from error
 
     def _answer(self, step: Step, sent: Values, until_s: float) -> tuple[dict[str, Value] | None, str]:
         """Wait for the answer to a command; answers to earlier ones are passed over."""

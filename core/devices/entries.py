@@ -81,7 +81,7 @@ def key_lines(text: str) -> dict[str, int]:
     Examples
     --------
     >>> key_lines("[a.b]\\nc = 1\\n[[d]]\\ne = 2")
-    {'a.b': 1, 'a.b.c': 2, 'd.0': 3, 'd': 3, 'd.0.e': 4}
+    {'a.b': 1, 'a': 1, 'a.b.c': 2, 'd.0': 3, 'd': 3, 'd.0.e': 4}
     """
     lines: dict[str, int] = {}
     counts: dict[str, int] = {}
@@ -92,9 +92,11 @@ def key_lines(text: str) -> dict[str, int]:
             table = f"{m[1]}.{counts[m[1]]}"
             lines[table] = number
             lines.setdefault(m[1], number)
+            lines.setdefault(m[1].partition(".")[0], number)
         elif m := re.match(r"\s*\[\s*([^]]+?)\s*\]", line):
             table = m[1]
             lines[table] = number
+            lines.setdefault(table.partition(".")[0], number)
         elif m := re.match(r"\s*([\w.-]+)\s*=", line):
             lines[f"{table}.{m[1]}" if table else m[1]] = number
     return lines

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from core.devices.framing import CheckSum, Framing
-from core.devices.template import LineBits, Template, Value
+from core.devices.packing import LineBits
+from core.devices.template import Template, Value
 from core.lazy import dataclass
 from core.patterns import Pattern
 from core.patterns.kinds import KINDS

@@ -9,9 +9,10 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from core.devices.entries import Entries, key_lines
+from core.devices.packing import LineBits
 from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
-from core.devices.template import CALCULATED, LineBits, Template, Value, Words, make_template, takes_anything
-from core.devices.wrapping import read_check, read_framings
+from core.devices.template import CALCULATED, Template, Value, Words, make_template, no_room, reads_text, takes_anything
+from core.devices.wrapping import free_of, read_check, read_framings
 from core.errors import InputError
 from core.fields import text_of
 from core.lazy import dataclass
@@ -19,6 +20,11 @@ from core.patterns import Pattern, parse_sequence, pattern_from_dict
 from core.resources import resource
 
 Lengths = Mapping[str, int | None]  # of fields without a width; None: all that is left
+TABLES = ("port", "device", "lines", "timing", "framing", "words", "commands", "refusal", "stored")
+_STEP = ("send", "expect", "answer_ms", "until", "every_ms", "within_ms", "pause_ms", "only")
+_MOST = 1 << 16  # lines, slots
+_FLOW = b"\x11\x13"  # XON, XOFF
+_WORDS = {"axis": ("x", "y"), "profile": ("sine", "square"), "inverse": ("false", "true"), "on": ("false", "true")}
 _NEEDED = {"select": "slot", "entry": "slot", "follow-entry": "slot", "image": "image"}  # without it all mean the same
 
 
@@ -83,19 +89,22 @@ class _Dialogue:
 def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
     top.text("format", among=("stripe-projector-profile",))
     top.integer("version", 1, 1)
+    top.finish(("title", *TABLES))
     device, lines, timing = top.table("device"), top.table("lines"), top.table("timing")
     if "framing" not in top.data:
         raise InputError(top.where, "no table [framing]", "say how commands are wrapped")
     frames, told, stored = top.table("framing"), top.table("refusal"), top.table("stored")
-    own = device.integer("columns", 1), device.integer("rows", 1)
+    own = device.integer("columns", 1, _MOST), device.integer("rows", 1, _MOST)
+    slots, first_slot = device.integer("slots", 1, _MOST, default=1), device.integer("first_slot", 0, default=0)
     size = columns or own[0], rows or own[1]
     plates, axis = _plates(device)
+    device.finish()
     bits, chunk = _line_bits(lines), lines.integer("chunk", 0, default=0)
     kind = frames.text("kind", among=("text", "frame"))
     lines.text("as", default=None, among=("hex",) if kind == "text" else ("bytes",))
     lengths = _lengths(size, bits.depth, plates, axis, chunk)
     pause_ms = timing.real("pause_ms", least=0.0, default=0.0)
-    dialogue = _Dialogue(kind, lengths, _words(top.table("words")), pause_ms, "prompt" in frames.data)
+    dialogue = _Dialogue(kind, lengths, _words(top.table("words"), plates), pause_ms, "prompt" in frames.data)
     commands = _commands(top.table("commands"), dialogue)
     refusals = tuple(dialogue.template(told, "expect", TOLD, text) for text in told.texts("expect"))
     if "expect" in told.data and not refusals:
@@ -111,8 +120,8 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
         echo=frames.flag("echo"),
         columns=size[0],
         rows=size[1],
-        slots=device.integer("slots", 1, default=1),
-        first_slot=device.integer("first_slot", 0, default=0),
+        slots=slots,
+        first_slot=first_slot,
         plates=plates,
         axis=axis,
         bits=bits,
@@ -131,7 +140,7 @@ def _profile(top: Entries, name: str, columns: int, rows: int) -> Profile:
         two_swapped=stored.text("two_images", default="in order", among=("in order", "swapped")) == "swapped",
         stored=_stored(stored, size),
     )
-    for table in (top, device, lines, timing, frames, told, stored):
+    for table in (lines, timing, told, stored):
         table.finish()
     _check_whole(top, profile)
     return profile
@@ -196,6 +205,18 @@ def _check_whole(top: Entries, profile: Profile) -> None:
         )
     if profile.chunk and not {"lines", "offset"} <= sent:
         raise InputError(load, f"fields {sorted(sent)}", "send the {offset} of every chunk of {lines}")
+    ends = {*profile.stored.values()} or {profile.first_slot, profile.first_slot + profile.slots - 1}
+    sends = [(name, step.send) for name, steps in commands.items() for step in steps if step.send]
+    values: list[dict[str, Value]] = [{"slot": slot} for slot in sorted(ends)]
+    values += [{"plate": plate} for plate in profile.plates]
+    for name, send in sends:
+        if why := next((why for value in values if (why := no_room(send, value))), None):
+            raise InputError(table.place(name), why, "give the field another format, or the device fewer slots")
+    if profile.port.flow == "xonxoff" and profile.framing.kind == "frame":
+        sides = ((profile.framing, [send for _, send in sends]), (profile.answers, _expected(profile)))
+        if not all(free_of(_FLOW, framing, templates) for framing, templates in sides):
+            remedy = "say in [framing] what escapes them, or use another flow"
+            raise InputError(top.table("port").place("flow"), "frames may hold its bytes 11 and 13", remedy)
     if profile.bits.depth == 8 and sent and not profile.by_axis:
         raise InputError(load, "grey values on two plates", "send {axis} and {lines}, or name one plate")
     for name in {*commands} - {"start", "identify", "stop"}:
@@ -207,6 +228,11 @@ def _check_whole(top: Entries, profile: Profile) -> None:
     needed |= {"slot"} if "step" in commands else set()
     if "query" in commands and (missing := sorted(needed - query)):
         raise InputError(table.place("query"), f"the answer tells no {missing[0]}", f"expect {{{missing[0]}}} in it")
+
+
+def _expected(profile: Profile) -> list[Template]:
+    steps = [step.expect for steps in profile.commands.values() for step in steps if step.expect]
+    return [*steps, *profile.refusals]
 
 
 def _port(port: Entries) -> Port:
@@ -227,10 +253,14 @@ def _port(port: Entries) -> Port:
     return made
 
 
-def _words(table: Entries) -> Words:
+def _words(table: Entries, plates: tuple[int | str, ...]) -> Words:
     words: dict[str, dict[str, Value]] = {}
     for name in table.data:
         of = table.table(name)
+        values = {**_WORDS, "plate": tuple(map(str, plates))}.get(name)
+        for key in of.data:
+            if not (key.isdigit() if values is None else key in values or (name in ("inverse", "on") and key in "01")):
+                raise InputError(of.place(key), "no such value", f"use {', '.join(values or ('numbers',))}")
         words[name] = {{"false": "0", "true": "1"}.get(key, key): word for key, word in of.data.items()}
         if strange := [w for w in words[name].values() if isinstance(w, bool) or not isinstance(w, int | str)]:
             raise of.refuse(next(k for k, w in of.data.items() if w is strange[0]), strange[0], "give a number or text")
@@ -254,6 +284,7 @@ def _stored(table: Entries, lines: tuple[int, int]) -> dict[Pattern, int]:
 
 def _commands(table: Entries, dialogue: _Dialogue) -> dict[str, Command]:
     commands: dict[str, Command] = {}
+    table.finish({*COMMANDS, "expect"})
     for name, sendable in COMMANDS.items():
         if name in table.data:
             fields = sendable | {"tag"}
@@ -264,7 +295,6 @@ def _commands(table: Entries, dialogue: _Dialogue) -> dict[str, Command]:
             needed = _NEEDED.get(name)
             if needed and not any(needed in template.fields for template in sent):
                 raise InputError(table.place(name), "nothing says which pattern is meant", f"send {{{needed}}}")
-    table.finish({*COMMANDS, "expect"})
     return commands
 
 
@@ -276,6 +306,7 @@ def _only(table: Entries, sendable: set[str]) -> Mapping[str, Value]:
 
 
 def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str]) -> Step:
+    entry.finish(_STEP)
     until: dict[str, tuple[Value, ...]] = {}
     if not (waits := entry.table("until")).data and "until" in entry.data:
         raise entry.refuse("until", {}, "say what to wait for, or leave the entry out")
@@ -290,13 +321,15 @@ def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str
     if answered.text("expect", default=""):
         expect = dialogue.template(answered, "expect", sendable | TOLD | waited)
     asked = set(expect.fields) if expect else set()
-    entry.read.asked.add("expect")
     if missing := sorted(waited - asked):
         raise InputError(entry.place("until"), f"{missing[0]!r}", "wait for what the answer tells")
-    for name in waited:  # without a format these are what the device says, letter by letter
-        counted = not all(isinstance(value, str) for value in until.get(name, (0,)))
-        if counted and (name[0] == "_" or name == "text") and f"{{{name}}}" in answered.text("expect"):
+    for name in waited - dialogue.words.keys():
+        assert expect is not None  # what is waited for is among its fields
+        texts = {isinstance(value, str) for value in until.get(name, (0,))}
+        if False in texts and reads_text(expect, name):  # what the device says, letter by letter
             raise InputError(entry.place("until"), f"{name!r} is read as text", f"write {{{name}:d}} for a number")
+        if True in texts and not reads_text(expect, name):
+            raise InputError(entry.place("until"), f"{name!r} is read as a number", "wait for one, without quotes")
     silent = "send" not in entry.data
     if silent and (expect is None or until):
         raise InputError(entry.place("send"), "missing", "say what is sent, or expect what comes unasked")
@@ -312,5 +345,4 @@ def _step(entry: Entries, every: Entries, dialogue: _Dialogue, sendable: set[str
         entry.real("pause_ms", least=0.0, default=dialogue.pause_ms) / 1000,
         _only(entry.table("only"), sendable),
     )
-    entry.finish()
     return step

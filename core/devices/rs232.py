@@ -6,7 +6,7 @@ the device stands. A device that has lost its sequence is loaded again, a line t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,13 +15,14 @@ from core.devices.dialogue import Dialogue, EmptyError, UnansweredError
 from core.devices.link import LineDownError
 from core.devices.profile import Profile
 from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey
-from core.devices.template import Value
+from core.devices.template import Template, Value, calculated, no_room
 from core.errors import Cancelled, DeviceError, InputError
 from core.patterns import CrossPatternLcd, Pattern, axis_of, brightness, reference_sequence
 from core.patterns.kinds.kind import fields_of
 
 _RECOVERIES = 3  # of a lost line or sequence, in one call
 _MANY = 4096  # patterns that need no place in the device
+ROUNDED = 0.001  # of a period: a tenth of a line in a hundred
 T = TypeVar("T")
 
 
@@ -287,9 +288,19 @@ def _unsaid(profile: Profile, pattern: Pattern) -> str | None:
         sent |= {"cell"}  # the whole width, in equal cells
     unsaid = [k for k, v in values.items() if k not in sent and (k not in granted or granted[k] != v)]
     if not unsaid:
-        return None
+        return next((why for step in steps if step.send and (why := _no_room(step.send, values))), None)
     told = f"show-{pattern.kind} of the profile does not send {unsaid[0]}, which is {values[unsaid[0]]}"
     return f"{told}: send it, or say what the device takes for granted by `only`"
+
+
+def _no_room(template: Template, values: Mapping[str, Any]) -> str | None:
+    """Say for which value a command has no room, and which period would be another one when it is rounded."""
+    if (why := no_room(template, values)) is not None:
+        return why
+    for key, value in (template.match(template.fill({"tag": 1, **values})) or {}).items():
+        if key.startswith("period") and abs(float(value) / calculated(key, values) - 1) > ROUNDED:
+            return f"{{{key}}} in {template.text!r} rounds a period of {values['period']:g}"
+    return None
 
 
 def _whole(value: Value) -> int:

@@ -11,10 +11,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import field
+from itertools import chain
 from typing import Any, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.lazy import dataclass
@@ -25,9 +23,9 @@ Words = Mapping[str, Mapping[str, Value]]  # of a field: what stands for each of
 _STEPS = r"((?:[-+*&]\d+|[/%]0*[1-9]\d*)*)"
 CALCULATED = re.compile(rf"(\w+){_STEPS}")  # a field and steps of calculation
 _FIELD = re.compile(rf"\{{{CALCULATED.pattern}(?::([\w.]+))?\}}")
-_NUMBER = re.compile(r"0?\d*(?:\.\d+)?[dxXfg]")
+_NUMBER = re.compile(r"\d{0,3}(?:\.\d)?[dxXfg]")
 _WIDTH = re.compile(r"u(?:8|16|24|32)(?:le)?")
-_TOKEN = re.compile(r"'[^']*'|\S+")
+_TOKEN = re.compile(r"'[^']*'|\||[^\s|]+")
 _DEFAULTS = {"check": "04X", "lines": "hex", "column_lines": "hex", "row_lines": "hex"}  # formats in text
 _TEXTS = ("plate", "axis", "kind", "profile")
 _OPERATIONS = {
@@ -49,6 +47,11 @@ class Template(Protocol):
         ...
 
     @property
+    def words(self) -> Words:
+        """What stands for values of the fields."""
+        ...
+
+    @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields, in their order."""
         ...
@@ -64,7 +67,7 @@ class Template(Protocol):
         ...
 
     def fill(self, values: Values) -> bytes:
-        """Write the values in."""
+        """Write the values in; ValueError names one for which its field has no room."""
         ...
 
     def match(self, body: bytes) -> dict[str, Value] | None:
@@ -86,11 +89,22 @@ class Field:
         """Whether it takes whatever the device says."""
         return not self.form and (self.name == "text" or self.name.startswith("_"))
 
-    def value(self, values: Values) -> Any:
-        """Give what is to be written."""
+    def written(self, values: Values) -> str | bytes:
+        """Write the value: bytes as they are, numbers in bytes or in digits; ValueError where it has no room."""
         value = calculated(self.name + self.steps, values)
-        key = str(int(value) if isinstance(value, bool) else value)
-        return self.words.get(key, value)
+        value = self.words.get(str(int(value) if isinstance(value, bool) else value), value)
+        try:
+            if isinstance(value, bytes):
+                return value
+            if _WIDTH.fullmatch(self.form):
+                size, order = self.form.removeprefix("u").removesuffix("le"), "little" if "le" in self.form else "big"
+                return round(float(value)).to_bytes(int(size) // 8, order)  # type: ignore[arg-type]
+            text = _as_text(value, self.form)
+            if len(text) <= _digits(self.form):
+                return text
+        except (ValueError, OverflowError):
+            pass
+        raise ValueError(f"{{{self.name}{self.steps}{':' * bool(self.form)}{self.form}}} has no room for {value!r}")
 
     def told(self, value: Value) -> tuple[str, Value]:
         """Give name and value of what was read; a calculation that cannot be undone stays in the name."""
@@ -153,7 +167,12 @@ class TextTemplate:
 
     def fill(self, values: Values) -> bytes:
         """Write the values in; bytes are written in hexadecimal."""
-        return _FIELD.sub(lambda m: _as_text((f := self._field(m)).value(values), f.form), self.text).encode("ascii")
+
+        def written(m: re.Match[str]) -> str:
+            value = self._field(m).written(values)
+            return value.hex().upper() if isinstance(value, bytes) else value
+
+        return _FIELD.sub(written, self.text).encode("ascii")
 
     def match(self, body: bytes) -> dict[str, Value] | None:
         parts, end, fields = [], 0, []
@@ -190,21 +209,21 @@ class ByteTemplate:
 
     @property
     def sizes(self) -> tuple[int | None, int | None]:
-        head, bar, body = self.text.partition("|")
-        return (self._size(head), self._size(body)) if bar else (0, self._size(head))
+        head, body = _head_and_body(self.text)
+        return self._size(head), self._size(body)
 
     @property
     def fixed(self) -> tuple[int | None, ...]:
-        tokens = self._tokens(self.text)
+        tokens = self._tokens()
         return tuple(b for t in tokens for b in (t if isinstance(t, bytes) else [None] * (self._width(t) or 0)))
 
-    def _size(self, text: str) -> int | None:
-        sizes = [len(t) if isinstance(t, bytes) else self._width(t) for t in self._tokens(text)]
+    def _size(self, written: list[str]) -> int | None:
+        sizes = [len(t) if isinstance(t, bytes) else self._width(t) for t in self._tokens(written)]
         return None if None in sizes else sum(s for s in sizes if s is not None)
 
-    def _tokens(self, text: str) -> list[bytes | Field]:
+    def _tokens(self, written: list[str] | None = None) -> list[bytes | Field]:
         tokens: list[bytes | Field] = []
-        for token in _TOKEN.findall(text.replace("|", " ")):
+        for token in chain(*_head_and_body(self.text)) if written is None else written:
             m = _FIELD.fullmatch(token)
             if m is not None:
                 tokens.append(Field(m[1], m[2], m[3] or "", self.words.get(m[1], {})))
@@ -217,29 +236,17 @@ class ByteTemplate:
         if _WIDTH.fullmatch(f.form):
             return int(f.form.removeprefix("u").removesuffix("le")) // 8
         if f.form:
-            return int(f.form.rstrip("dxX").split(".")[0] or 1)
+            return _digits(f.form, 1)
         return self.lengths.get(f.name)
 
     def fill(self, values: Values) -> bytes:
-        out = b""
-        for token in self._tokens(self.text):
-            if isinstance(token, bytes):
-                out += token
-                continue
-            value = token.value(values)
-            if isinstance(value, bytes):
-                out += value
-            elif _WIDTH.fullmatch(token.form):
-                width = self._width(token) or 1
-                out += int(value).to_bytes(width, "little" if token.form.endswith("le") else "big")
-            else:
-                out += _as_text(value, token.form).encode("ascii")
-        return out
+        parts = [token if isinstance(token, bytes) else token.written(values) for token in self._tokens()]
+        return b"".join(part.encode("ascii") if isinstance(part, str) else part for part in parts)
 
     def match(self, body: bytes) -> dict[str, Value] | None:
         values: dict[str, Value] = {}
         at = 0
-        for token in self._tokens(self.text):
+        for token in self._tokens():
             width = len(token) if isinstance(token, bytes) else self._width(token)
             if width is None:
                 width = len(body) - at
@@ -286,7 +293,7 @@ def make_template(
         if not text.isascii():
             raise InputError(where, f"{text!r}", "use ASCII characters")
         return TextTemplate(text, words or {})
-    for token in _TOKEN.findall(text.replace("|", " ")):
+    for token in chain(*_head_and_body(text)):
         one = _FIELD.fullmatch(token)
         if one is None and not re.fullmatch(r"[0-9A-Fa-f]{2}|'[ -&(-~]*'", token):
             raise InputError(
@@ -295,6 +302,41 @@ def make_template(
         if one is not None and not one[3] and one[1] not in (*lengths, "text"):
             raise InputError(where, f"field {token!r}", f"give its width, as in {{{one[1]}:u8}}")
     return ByteTemplate(text, lengths, words or {})
+
+
+def _head_and_body(text: str) -> tuple[list[str], list[str]]:
+    """Give the bytes, texts and fields before the bar, and those behind it; without a bar all are behind it."""
+    tokens = _TOKEN.findall(text)
+    bar = tokens.index("|") if "|" in tokens else -1
+    return tokens[: max(bar, 0)], tokens[bar + 1 :]
+
+
+def _digits(form: str, default: int = 1000) -> int:
+    """Give how many characters a format of text has room for."""
+    found = re.match(r"\d+", form)
+    return int(found[0]) if found else default
+
+
+def no_room(template: Template, values: Values) -> str | None:
+    """Say for which of some values a template has no room; None where it has, and for fields without a value."""
+    try:
+        for m in _FIELD.finditer(template.text):
+            if m[1] in values:
+                Field(m[1], m[2], m[3] or "", template.words.get(m[1], {})).written(values)
+    except ValueError as error:
+        return str(error)
+    return None
+
+
+def reads_text(template: Template, name: str) -> bool:
+    """Tell whether a field is read as text, and not as a number."""
+    forms = [m[3] or "" for m in _FIELD.finditer(template.text) if m[1] == name]
+    return any(form == "s" or (not form and (name in (*_TEXTS, "text") or name[0] == "_")) for form in forms)
+
+
+def raw(template: Template) -> bool:
+    """Tell whether a template of bytes has a field whose bytes may be any."""
+    return any(_WIDTH.fullmatch(m[3] or "u8") for m in _FIELD.finditer(template.text) if m[1] != "text")
 
 
 def room_of(template: Template, name: str) -> int | None:
@@ -318,37 +360,6 @@ def room_of(template: Template, name: str) -> int | None:
 def takes_anything(template: Template) -> bool:
     """Tell whether whatever a device says is the answer, its refusals too."""
     return template.match(b"?!?") is not None
-
-
-@dataclass(frozen=True)
-class LineBits:
-    """How the light of lines is written: in bits, or a grey value in a byte each.
-
-    Examples
-    --------
-    >>> LineBits().pack(np.array([1, 1, 0, 0, 0, 0, 0, 0, 1], float)).hex()
-    'c080'
-    >>> LineBits(lit=0, backward=True).pack(np.array([1, 1, 0, 0, 0, 0, 0, 0, 1], float)).hex()
-    '7e00'
-    """
-
-    first: str = "high"  #: line 0 is the "high" or the "low" bit of its byte
-    depth: int = 1  #: 1 or 8 bits
-    lit: int = 1  #: the bit of a line that is lit; 0: grey values are those of darkness
-    backward: bool = False  #: the last line comes first
-
-    def pack(self, light: NDArray[Any]) -> bytes:
-        """Write the light of lines, from 0 to 1, shape (n,)."""
-        light = np.asarray(light, float)[:: -1 if self.backward else 1]
-        light = light if self.lit else 1 - light
-        if self.depth == 8:
-            return np.rint(255 * light).astype(np.uint8).tobytes()
-        return np.packbits(light > 0.5, bitorder="big" if self.first == "high" else "little").tobytes()
-
-    def unpack(self, data: bytes, count: int) -> NDArray[np.bool_]:
-        """Read `count` lines that are lit or not."""
-        bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="big" if self.first == "high" else "little")
-        return (bits[:count] == self.lit)[:: -1 if self.backward else 1]
 
 
 def _pattern(f: Field) -> str:
@@ -380,6 +391,6 @@ def _read(text: str, f: Field) -> Value:
 def _as_text(value: Value, form: str) -> str:
     if isinstance(value, bytes):
         return value.hex().upper()
-    if form and form not in ("s", "hex") and not isinstance(value, str):
-        return format(int(value) if form[-1] in "dxX" else float(value), form)
+    if form and form not in ("s", "hex"):
+        return format(round(float(value)) if form[-1] in "dxX" else float(value), form)
     return f"{value:g}" if isinstance(value, float) else str(int(value) if isinstance(value, bool) else value)

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from core.devices.entries import Entries
 from core.devices.framing import CHECKS, KINDS, PARTS, CheckSum, Framing, agree
 from core.devices.profile import Command
-from core.devices.template import Template
+from core.devices.template import Template, raw
 from core.errors import InputError
 
 FRAME_PARTS = tuple(p for p in PARTS if p != "mark")
+_OF_BOTH = {"text": ("kind", "echo", "prompt", "check_mark"), "frame": ("kind", "echo")}
+_OF_EACH = {
+    "text": ("start", "ending", "check", "check_over"),
+    "frame": (
+        *("start", "end", "length", "length_over", "length_add", "check", "check_over", "check_order"),
+        *("check_as", "escapes", "layout", "pad"),
+    ),
+}  # and the same of answers
 LENGTHS = {
     "none": (0, "big"),
     "u8": (1, "big"),
@@ -26,6 +34,7 @@ def read_framings(
     table: Entries, kind: str, commands: Mapping[str, Command], refusals: tuple[Template, ...]
 ) -> tuple[Framing, Framing]:
     """Read how what is sent and what comes back is wrapped."""
+    table.finish((*_OF_BOTH[kind], *_OF_EACH[kind], *(f"answer_{key}" for key in _OF_EACH[kind])))
     sent = [step.send for steps in commands.values() for step in steps if step.send]
     back = [step.expect for steps in commands.values() for step in steps if step.expect]
     return _framing(table, kind, "", sent), _framing(table, kind, "answer_", [*back, *refusals])
@@ -35,13 +44,11 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
     """Read one direction: entries of the answers stand in for those of both where they are given."""
 
     def key(name: str) -> str:
-        table.read.asked.update((name, f"answer_{name}"))
         return side + name if side + name in table.data else name
 
     check = read_check(table, key("check"))
     order = "little" if table.text(key("check_order"), default="high", among=("high", "low")) == "low" else "big"
-    prompt = _ascii(table, "prompt") if side or kind == "frame" else b""
-    table.read.asked.add("prompt")
+    prompt = _ascii(table, "prompt") if side else b""
     if kind == "text":
         ending = _ascii(table, key("ending"), "\r\n")
         if not ending:
@@ -95,6 +102,19 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
         _escapes(table, key("escapes"), start, end),
         () if length or end else tuple(templates),
     )
+
+
+def free_of(bytes_: bytes, framing: Framing, templates: Iterable[Template]) -> bool:
+    """Tell whether no frame of these holds any of some bytes: they are escaped, or all is written in other ones."""
+    if all(bytes([byte]) in framing.escapes for byte in bytes_):
+        return True
+    if (
+        framing.length
+        or (framing.check.bits and not framing.check_text)
+        or set(bytes_) & {*framing.start, *framing.end}
+    ):
+        return False
+    return not any(raw(template) or set(bytes_) & set(template.fixed) for template in templates)
 
 
 def _parts(table: Entries, key: str, default: tuple[str, ...], among: tuple[str, ...]) -> tuple[str, ...]:
