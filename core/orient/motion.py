@@ -11,7 +11,7 @@ from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import pair_for, perturbed
 from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap, PhotogrammetricCalibration, RigMotion
-from core.numerics import distinct, median_of, row_median, sigma_by_median
+from core.numerics import distinct, median_of, sigma_by_median
 from core.orient.equations import Equations, Estimate, Places, robust_estimate
 from core.orient.freedom import (
     DEFAULT,
@@ -137,7 +137,7 @@ def find_motion(
             break
         options = replace(options, stretch=options.stretch * found.stretch)
     estimate, shown, now, corrected = found.estimate, found.shown, turned.now, found.corrected
-    by_depth = -row_median(now.by_xyz[:, 2].T)
+    by_depth = np.array([median_of(of_one) for of_one in now.by_depth.T])
     return RigMotion(
         capture=capture,
         moved=bool(found.p < options.significance),

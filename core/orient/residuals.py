@@ -58,10 +58,24 @@ class Residuals(_Columns):
     e: Array  #: (n,): observed less computed, in standard deviations
     A: Array  #: (n, k): change of the computed value with the parameters of the pair, in the order of its covariance
     pulled: Array  #: (n,): change of the observed value with the footprint, by px²
-    #: xyz_mm, by_xyz: (n, 3): the points in the camera's frame, and how they change with the parameters
-    xyz_mm: Array
-    by_xyz: Array
+    xyz_mm: Array  #: (n, 3): the points in the camera's frame
+    #: by_q, by_ray: (n, k), (n, 2, i): change with the parameters of their inverse depth, 1/mm, and of their rays
+    by_q: Array
+    by_ray: Array
     sigma_log: Array  #: (n,): relative standard deviation of their distances by noise
+
+    @property
+    def by_depth(self) -> Array:
+        """Change of their depth -Z with the parameters, (n, k)."""
+        return np.asarray(-(self.xyz_mm[:, 2:] ** 2) * self.by_q)
+
+    @property
+    def by_xyz(self) -> Array:
+        """Change of the points with the parameters, (n, 3, k)."""
+        depth = -self.xyz_mm[:, 2, None, None]
+        by = -depth * self.xyz_mm[..., None] * self.by_q[:, None, :]
+        by[:, :2, : self.by_ray.shape[2]] += depth * self.by_ray
+        return np.asarray(by)
 
 
 def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float]:
@@ -87,26 +101,25 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     planes = np.stack([np.full_like(x, side**-2.0), x / square, y / square], axis=1)  # mean and slopes of a block
     shape = np.stack([np.ones_like(x), x, y])
 
-    def means(image: Floats) -> tuple[Array, Array]:
-        values = cut(image)[rows, columns]
-        found = (values @ planes).astype(np.float64)
-        rest = values - values[:, :1] - ((values - values[:, :1]) @ planes) @ shape
-        return found, np.einsum("nk,nk->n", rest, rest).astype(np.float64) / side**2
+    def blocks(image: Floats) -> Floats:
+        return cut(image)[rows, columns]
 
-    (u, off_u), (v, off_v), (grey, off_grey) = means(phase.u), means(phase.v), means(phase.image)
-    variance = np.stack([means(s**2)[0][:, 0] for s in (phase.sigma_u, phase.sigma_v)], axis=1)
+    def fitted(image: Floats) -> tuple[Array, Array]:
+        values = blocks(image)
+        beside = values - values[:, :1]
+        rest = beside - (beside @ planes) @ shape
+        return (values @ planes).astype(np.float64), np.einsum("nk,nk->n", rest, rest).astype(np.float64) / side**2
+
+    (u, off_u), (v, off_v), (grey, off_grey) = fitted(phase.u), fitted(phase.v), fitted(phase.image)
+    variance = np.stack([blocks(s**2) @ planes[:, 0] for s in (phase.sigma_u, phase.sigma_v)], axis=1)
+    variance = variance.astype(np.float64)
     smooth = (np.stack([off_u, off_v], axis=1) < np.maximum(CREASED**2 * variance, STEPPED**2)).all(axis=1)
     slopes = np.stack([u[:, 1:], v[:, 1:]], axis=1)
     steep = np.linalg.norm(slopes, axis=(1, 2))
     if smooth.any():
         smooth &= steep < GRAZING * median_of(steep[smooth])
-    grey_slopes = _slopes(
-        grey[:, 1:],
-        means(np.asarray(cv2.GaussianBlur(phase.image, (0, 0), SMOOTH_PX), np.float32))[0][:, 1:],
-        off_grey,
-        side,
-        square,
-    )
+    blurred = np.asarray(cv2.GaussianBlur(phase.image, (0, 0), SMOOTH_PX), np.float32)
+    grey_slopes = _slopes(grey[:, 1:], (blocks(blurred) @ planes[:, 1:]).astype(np.float64), off_grey, side, square)
     with np.errstate(invalid="ignore", divide="ignore"):
         pull = np.einsum("nki,ni->nk", slopes, grey_slopes / grey[:, :1])
     tile = max(float(np.sqrt(count / tiles)) / side, 1.0)
@@ -184,28 +197,26 @@ def epipolar_residuals(sight: Sight, pair: Pair) -> Residuals:
     camera, projector, pose = pair.camera, pair.projector, pair.projector_from_camera
     rays = ray_directions(camera.spec, camera.interior, sight.pixels)
     own = project_with_derivatives(camera.spec, camera.interior, rays)
-    by_ray = np.zeros((len(rays), 3, own.by_interior.shape[2]))
-    by_ray[:, :2] = -inverse_2x2(own.by_point[:, :, :2]) @ own.by_interior
+    by_ray = -inverse_2x2(own.by_point[:, :, :2]) @ own.by_interior
     q = _closest(sight, rays, pair)
     with np.errstate(invalid="ignore", divide="ignore"):
         seen = project_with_derivatives(projector.spec, projector.interior, rays / q[:, None], pose)
         weight = 1 / np.maximum(sight.sigma, LEAST_SIGMA)
         rest = weight * (sight.uv - seen.uv)
         along = -weight * (seen.by_point @ rays[..., None])[..., 0] / q[:, None] ** 2
-        by_camera = seen.by_point @ by_ray / q[:, None, None]
+        by_camera = seen.by_point[:, :, :2] @ by_ray / q[:, None, None]
         by = weight[..., None] * np.concatenate([by_camera, seen.by_interior, seen.by_pose], axis=2)
         information = np.einsum("ni,ni->n", along, along)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.sqrt(information)[:, None]
         q = q + np.einsum("ni,ni->n", along, rest) / information
         by_q = -np.einsum("ni,nik->nk", along, by) / information[:, None]
-        by_xyz = -(rays / q[:, None] ** 2)[..., None] * by_q[:, None, :]
-        by_xyz[..., : by_ray.shape[2]] += by_ray / q[:, None, None]
     return Residuals(
         np.einsum("ni,ni->n", across, rest),
         np.einsum("ni,nik->nk", across, by),
         np.einsum("ni,ni->n", across, weight * sight.pull),
         rays / q[:, None],
-        by_xyz,
+        by_q,
+        by_ray,
         1 / np.sqrt(information) / np.abs(q),
     )
 

@@ -152,6 +152,16 @@ def test_means_over_blocks_keep_the_epipolar_lines_of_their_middles() -> None:
     assert np.std(middles) < 0.05 * SIGMA / 7
 
 
+def test_points_and_depths_change_with_the_parameters_as_said() -> None:
+    sight = blocks_of(captured(TRUE, np.random.default_rng(13), 1e-3), 400, 250)[0]
+    found = epipolar_residuals(sight, TRUE)
+    assert found.by_depth == pytest.approx(-found.by_xyz[:, 2])
+    for k, step in enumerate(0.01 * SIGMAS):
+        there, back = (epipolar_residuals(sight, perturbed(TRUE, s * step * np.eye(24)[k])).xyz_mm for s in (1, -1))
+        change = (there - back) / 2  # to a ten-thousandth of the largest: residuals are not quite zero, nor linear
+        assert np.abs(found.by_xyz[:, :, k] * step - change).max() < 2e-4 * np.abs(change).max()
+
+
 def test_the_corrected_orientation_is_as_good_as_its_covariance_says() -> None:
     rng = np.random.default_rng(3)
     squared, depth = [], []
