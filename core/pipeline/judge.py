@@ -133,19 +133,27 @@ def based_on(method: Method, verdict: Verdict | None) -> list[Concern]:
     return [Concern(state, f"its {method} calibration is {verdict.state}: {verdict.because[0]}")]
 
 
-def said_of(capture: Capture, phases: Sequence[PhaseMap], calibration: Calibration | Pair) -> tuple[str, ...]:
+def said_of(
+    capture: Capture,
+    phases: Sequence[PhaseMap],
+    calibration: Calibration | Pair,
+    rays: Literal["all", "cameras"] = "all",
+) -> tuple[str, ...]:
     """What a capture and its phase maps say of themselves, and whether its devices stood as they were calibrated.
 
-    Cameras are held against each other where the projector only labels places. A corrected pair stands as it should.
+    Cameras are held against each other where the projector only labels places: where it is not calibrated, or its
+    `rays` are not taken. A corrected pair stands as it should.
     """
     several = len({phase.camera for phase in phases}) > 1
     of_frames = [(f"{phase.camera}: " if several else "", note) for phase in phases for note in phase.notes]
     said: list[str] = [*capture.notes, *(Note(f"{by}{note}", named_by(note)) for by, note in of_frames)]
-    if isinstance(calibration, PhotogrammetricCalibration) and calibration.projectors:
+    if not isinstance(calibration, PhotogrammetricCalibration):
+        return tuple(dict.fromkeys(said))
+    if calibration.projectors and rays == "all":
         for phase in phases:
             if knows(calibration, phase.camera, phase.projector):
                 said += _moved(phase, calibration, capture.name)
-    elif isinstance(calibration, PhotogrammetricCalibration):
+    else:
         from core.reconstruct import seen_by_other
 
         for own, other in combinations(phases, 2):

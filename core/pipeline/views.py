@@ -68,7 +68,7 @@ def reconstruct_views(
         )
     images = {phase.camera: phase.image for phase in phases}
     cloud, image = (clouds[camera], images[camera]) if camera else merged(clouds, images, calibration)
-    said = {capture.name: said_of(capture, intersectable(phases, calibration), calibration)}
+    said = {capture.name: said_of(capture, intersectable(phases, calibration), calibration, rays)}
     return image, judge_points(cloud, said, "photogrammetric", calibration)
 
 

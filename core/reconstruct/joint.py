@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import InputError
+from core.errors import InputError, NoCoordinateError
 from core.geometry import project, ray_directions
 from core.lazy import dataclass
 from core.model import Array, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud
@@ -210,7 +210,9 @@ def intersect_all(
         remedy = "use rays from the projector too" if lit else "capture by two calibrated cameras, or calibrate it too"
         raise InputError("the capture", seen, remedy)
     scene = Scene(placed(calibration), views, camera, rays, along)
-    starts = _by_lights(own, calibration) if lit else _by_cameras(scene)
+    starts = _by_lights(own, calibration) if lit else []
+    if rays == "cameras":
+        starts = [*_by_cameras(scene), *starts]
     plane = camera_rays(scene.devices[camera].spec, scene.devices[camera].interior)  # they are made by now
     directions = np.concatenate([plane, np.full_like(plane[..., :1], -1.0)], axis=-1, dtype=np.float64)
     progress(0.3, "intersecting all rays")
@@ -261,11 +263,19 @@ def _by_lights(phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibrati
 
 
 def _by_cameras(scene: Scene) -> list[Array]:
-    """The same by each other camera, where the projectors are not calibrated."""
+    """The same by each other camera, wherever the projectors stand."""
     own = {view.projector: view.labels for view in scene.views if view.camera == scene.camera}
     others = [view for view in scene.views if view.camera != scene.camera and view.projector in own]
     devices, here = scene.devices, scene.devices[scene.camera]
-    return [depths_by_cameras(here, own[v.projector], devices[v.camera], v.labels) for v in others]
+    starts, refused = [], None
+    for v in others:
+        try:
+            starts.append(depths_by_cameras(here, own[v.projector], devices[v.camera], v.labels))
+        except NoCoordinateError as error:  # of one axis, which others may see change along their epipolar lines
+            refused = error
+    if refused and not starts:
+        raise refused
+    return starts
 
 
 def each_once(clouds: Mapping[str, PointCloud]) -> dict[str, PointCloud]:

@@ -34,6 +34,7 @@ from core.pipeline import (
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
 from core.pipeline.graph import project_states
+from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
 from core.pipeline.report import report_data
 from core.pipeline.volumes import volume_figures
@@ -348,6 +349,23 @@ def test_texture_fills_the_shadow(project: Project, tmp_path: Path) -> None:
     assert abs(np.nanmean(error)) < 3
     assert main([*words, "--out", str(tmp_path / "all.npz"), "--json", str(figures)]) == 0
     assert json.loads(figures.read_text())["covered"] == covered
+
+
+@pytest.mark.parametrize("moved", ["projector", "right"])
+def test_points_of_cameras_alone_are_not_doubted_for_the_projector(project: Project, moved: str) -> None:
+    found = load_calibrations(project)["photogrammetric"]
+    assert isinstance(found, PhotogrammetricCalibration)
+    stood = found.orientations[moved]
+    turned = replace(stood, device_from_base=stood.device_from_base.changed(np.array([2e-3, 0, 2e-3, 0, 0, 0])))
+    calibration = replace(found, orientations={**found.orientations, moved: turned})
+    capture = read_capture(project.path / "captures" / "plane+15", project)
+    phases = [phase for _, phase in phase_maps(project, [capture])]
+    told = {rays: said_of(capture, phases, calibration, rays) for rays in ("all", "cameras")}
+    pairs = ["left and projector", "right and projector"] if moved == "projector" else ["right and projector"]
+    assert [note.split(" do not see")[0] for note in told["all"]] == pairs
+    assert [note.split(" do not see")[0] for note in told["cameras"]] == (
+        ["left and right"] if moved == "right" else []
+    )
 
 
 def test_rays_that_contradict_one_another_are_refused(project: Project, tmp_path: Path) -> None:
