@@ -26,7 +26,7 @@ _WORDS = {  # pyserial's, in part, of the various systems: what they mean to who
     "WriteFile failed": "it was unplugged",
     "ReadFile failed": "it was unplugged",
     "disconnected": "the other end has closed the connection",
-    "not open": "it was closed meanwhile",
+    "port that is not open": "it was closed meanwhile",
     "Write timeout": "the other end takes no more bytes",
     "lock port": "another program uses it",
 }
@@ -53,6 +53,9 @@ def opening_remedy(place: str) -> str:
     if os.path.exists(place) and not os.access(place, os.R_OK | os.W_OK):
         if (group := _group(place)) is None:
             return "ask the owner of this computer for the right to use it"
+        if os.stat(place).st_mode & 0o060 != 0o060:  # as HID devices are
+            once = f"`sudo setfacl -m u:$USER:rw {place}`"
+            return f"its group may not use it either: {once} until it is plugged in again, a udev rule for good"
         return f"it belongs to the group {group}: `sudo usermod -aG {group} $USER`, then log in again"
     if not os.path.exists(place) and (there := proposals()):
         return f"use one that is there: {', '.join(there)}"

@@ -136,6 +136,11 @@ def test_words_of_other_systems_are_told_as_plainly(line: tuple[int, Link], monk
         line[1].receive(time.monotonic() + 0.1)
 
 
+def test_a_port_that_is_not_there_says_what_the_system_says(tmp_path: Path) -> None:
+    with pytest.raises(LineDownError, match=r"cannot be opened \(No such file or directory\)"):
+        Link(str(tmp_path / "ttyUSB0"), PORT)
+
+
 def test_an_error_that_pyserial_wraps_keeps_what_the_system_says(line: tuple[int, Link], monkeypatch) -> None:
     import serial
 
