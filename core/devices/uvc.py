@@ -35,7 +35,8 @@ class UvcCamera:
     width, height : int
         Wanted size in px; 0: the device's own.
     exposure : float, optional
-        In the unit of the device's driver (Video4Linux: 0.1 ms). Automatic exposure and white balance are switched off.
+        In the unit of the device's driver (Video4Linux: 0.1 ms). Automatic exposure, white balance and focus are
+        switched off.
     fourcc : str
         Wanted format, such as "GREY", "Y16 " or "YUYV"; empty: the device's own.
     bits : int
@@ -147,7 +148,6 @@ class UvcCamera:
         for what, side in (("width", width), ("height", height)):
             if side:
                 self._wanted(what, getattr(cv2, f"CAP_PROP_FRAME_{what.upper()}"), float(side))
-        self._capture.set(cv2.CAP_PROP_AUTO_WB, 0)
         self._by_hand()
         settings = (("exposure", exposure), ("gain", gain), ("gamma", gamma))
         keys = {what: getattr(cv2, f"CAP_PROP_{what.upper()}") for what, _ in settings}
@@ -157,12 +157,18 @@ class UvcCamera:
         self.note(self.name, "found " + ", ".join(f"{what} {self._capture.get(key):g}" for what, key in keys.items()))
 
     def _by_hand(self) -> None:
-        """Switch automatic exposure off, which changes the light from frame to frame."""
-        for manual in MANUAL:
-            self._capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, manual)
-            if self._capture.get(cv2.CAP_PROP_AUTO_EXPOSURE) not in AUTOMATIC:
-                return
-        raise DeviceError(self.name, "automatic exposure stays on", "switch it off by the camera's own program")
+        """Switch off what the camera would change from frame to frame: its light, its colours' shares, its lens."""
+        for what, key, values, on in (
+            ("exposure", cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL, AUTOMATIC),
+            ("white balance", cv2.CAP_PROP_AUTO_WB, (0.0,), (1.0,)),
+            ("focus", cv2.CAP_PROP_AUTOFOCUS, (0.0,), (1.0,)),
+        ):
+            for value in values:
+                self._capture.set(key, value)
+                if self._capture.get(key) not in on:
+                    break
+            else:
+                raise DeviceError(self.name, f"automatic {what} stays on", "switch it off by the camera's own program")
 
     def _wanted(self, what: str, key: int, value: float, text: Callable[[float], str] = "{:g}".format) -> None:
         """Set something and read it back."""

@@ -53,6 +53,25 @@ def test_automatic_exposure_is_off_when_an_exposure_is_asked_for() -> None:
     camera.close()
 
 
+@pytest.mark.parametrize(
+    ("key", "on", "what"),
+    [
+        (cv2.CAP_PROP_AUTO_EXPOSURE, 3.0, "exposure"),
+        (cv2.CAP_PROP_AUTO_WB, 1.0, "white balance"),
+        (cv2.CAP_PROP_AUTOFOCUS, 1.0, "focus"),
+    ],
+)
+def test_what_is_automatic_is_switched_off_or_the_video_device_refused(key: int, on: float, what: str) -> None:
+    video = Video()
+    video.settings[key] = on
+    UvcCamera(0, capture=lambda n: video).close()
+    assert video.settings[key] not in (on, 0.75)
+    video = Video(sticky={key: on})
+    with pytest.raises(DeviceError, match=f"automatic {what} stays on"):
+        UvcCamera(0, capture=lambda n: video)
+    assert video.released
+
+
 def test_a_video_device_that_dies_is_an_error_within_the_time() -> None:
     video = Video()
     camera = UvcCamera(0, capture=lambda n: video)
@@ -245,13 +264,6 @@ class Stubborn:
 def test_what_stays_automatic_or_bent_is_refused(node: str, value: object) -> None:
     with pytest.raises(DeviceError, match=f"{node} .* was wanted and {value} is set"):
         GenicamCamera("A1", harvester=Producer(**{node: Stubborn(value)}))
-
-
-def test_a_video_device_whose_exposure_stays_automatic_is_refused() -> None:
-    video = Video(sticky={cv2.CAP_PROP_AUTO_EXPOSURE: 3.0})
-    with pytest.raises(DeviceError, match="automatic exposure stays on"):
-        UvcCamera(0, capture=lambda n: video)
-    assert video.released
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.15])
