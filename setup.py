@@ -4,15 +4,21 @@ With STRIPE_KERNELS, a folder made by `packaging/kernels.py`, a wheel holds thes
 """
 
 import gzip
+import json
 import os
 import re
 import shutil
+import sys
 import tarfile
+from email.parser import Parser
 from pathlib import Path
 
 from setuptools import find_packages, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.sdist import sdist
+
+sys.path.insert(0, str(Path(__file__).parent / "packaging"))
+from bill import of_wheel
 
 README = (Path(__file__).parent / "README.md").read_text(encoding="utf-8")
 # pictures and links that lead into this folder
@@ -31,8 +37,12 @@ class EqualWheel(bdist_wheel):
         self.root_is_pure = not self.kernels
 
     def egg2dist(self, egginfo_path, distinfo_path):
-        """Write the metadata, when all else is there."""
+        """Write the metadata, when all else is there, and the bill of materials where PEP 770 has it."""
         super().egg2dist(egginfo_path, distinfo_path)
+        metadata = Parser().parsestr((Path(distinfo_path) / "METADATA").read_text(encoding="utf-8"))
+        listed = Path(distinfo_path) / "sboms/stripe-workbench.cdx.json"
+        listed.parent.mkdir()
+        listed.write_text(json.dumps(of_wheel(metadata), indent=1) + "\n", encoding="utf-8")
         if self.kernels:
             shutil.copytree(self.kernels, Path(self.bdist_dir) / "core/kernels")
         for path in Path(self.bdist_dir).rglob("*"):

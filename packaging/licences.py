@@ -7,7 +7,6 @@ whose a file is, or what the owner's licence says, there is no bundle.
 from __future__ import annotations
 
 import json
-import os
 import platform
 import re
 import shutil
@@ -15,10 +14,10 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Iterable
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from importlib.metadata import Distribution, distribution, distributions
 from pathlib import Path
+
+from bill import Component, bill, pypi
 
 ROOT = Path(__file__).parents[1]
 STDLIB = Path(sysconfig.get_path("stdlib")).resolve()
@@ -39,17 +38,6 @@ class LicenceError(Exception):
     """The bundle may not be given on: whose a part is, or on which terms, is not known."""
 
 
-@dataclass(frozen=True)
-class Component:
-    """A part of the bundle: what its owner calls it, the licence in a word, its texts by their place in a folder."""
-
-    name: str
-    version: str
-    licence: str
-    texts: dict[str, Path]
-    purl: str = ""  # where it comes from
-
-
 def collect(sources: Iterable[str], folder: Path) -> None:
     """Write the licences of all that these files belong to, and lists of the parts: INDEX.txt, CycloneDX."""
     components = find_components({Path(source).resolve() for source in sources})
@@ -62,28 +50,11 @@ def collect(sources: Iterable[str], folder: Path) -> None:
     for name in {name.decode() for text in texts for name in re.findall(rb"/common-licenses/([\w.+-]*\w)", text)}:
         (folder / "common").mkdir(exist_ok=True)
         shutil.copyfile(common(name), folder / "common" / name)
-    (folder / "sbom.cdx.json").write_text(json.dumps(bill(components), indent=1) + "\n", encoding="utf-8")
+    own = next(component for component in components if component.name == "stripe-workbench")
+    listed = bill(own, [component for component in components if component is not own])
+    (folder / "sbom.cdx.json").write_text(json.dumps(listed, indent=1) + "\n", encoding="utf-8")
     rows = [f"{c.name:28} {c.version:28} {c.licence}" for c in components]
     (folder / "INDEX.txt").write_text("\n".join([HEAD, *rows, ""]))
-
-
-def bill(components: list[Component]) -> dict[str, object]:
-    """List the parts as CycloneDX 1.5 does; the same parts give the same list, whenever and wherever it is made."""
-    own = next(c for c in components if c.name == "stripe-workbench")
-    metadata: dict[str, object] = {"component": {"type": "application", "bom-ref": own.name, **_listed(own)}}
-    if epoch := os.environ.get("SOURCE_DATE_EPOCH"):
-        metadata["timestamp"] = datetime.fromtimestamp(int(epoch), UTC).isoformat()
-    parts = [{"type": "library", "bom-ref": c.name, **_listed(c)} for c in components if c is not own]
-    uses = [{"ref": own.name, "dependsOn": [c.name for c in components if c is not own]}]
-    head = {"bomFormat": "CycloneDX", "specVersion": "1.5", "version": 1}
-    return {**head, "metadata": metadata, "components": parts, "dependencies": uses}
-
-
-def _listed(component: Component) -> dict[str, object]:
-    listed = {"name": component.name, "version": component.version}
-    if component.purl:
-        listed["purl"] = component.purl
-    return {**listed, "licenses": [{"license": {"name": component.licence or "see its text"}}]}
 
 
 def find_components(files: set[Path]) -> list[Component]:
@@ -134,7 +105,7 @@ def of_distribution(package: Distribution) -> Component:
             raise LicenceError(f"{package.name}: brings no licence text, and states {licence!r}; extend NEEDED")
         metadata = next(file for file in package.files or [] if file.name == "METADATA")
         texts = {"METADATA": Path(str(package.locate_file(metadata))), **{name: common(name) for name in NEEDED[kind]}}
-    purl = f"pkg:pypi/{re.sub('[-_.]+', '-', package.name).lower()}@{package.version}"
+    purl = f"pkg:pypi/{pypi(package.name)}@{package.version}"
     return Component(package.name, package.version, licence, texts, purl)
 
 

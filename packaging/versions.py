@@ -3,9 +3,9 @@
 For each interpreter that is here, the lowest and the newest versions that the bounds admit are installed into an
 environment of their own with uv, every module is imported, and a small project goes the road from simulation to report.
 At the end `pip uninstall` has to leave nothing behind. With `--kernels` a wheel brings compiled kernels along, and none
-may be compiled on the road. First of all, wheel and archive of the sources are built twice,
-by people whose files have other rights, and have to be equal byte for byte. Prints a table; the exit code is 1 if
-anything failed.
+may be compiled on the road. First of all, wheel and archive of the sources are built twice, by people whose files have
+other rights, and have to be equal byte for byte; the wheel has to hold its bill of materials. Prints a table; the exit
+code is 1 if anything failed.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
+BILL = "sboms/stripe-workbench.cdx.json"
 SHOWN = ("numpy", "scipy", "opencv-python-headless", "numba", "matplotlib", "PySide6-Essentials", "distributed")
 IMPORTS = """
 import importlib, pkgutil
@@ -78,12 +80,16 @@ def equal_builds(uv: str) -> bool:
                 subprocess.run(build, env=own, check=True)
             finally:
                 os.umask(before)
+            wheels = [zipfile.ZipFile(path).namelist() for path in out.glob("*.whl")]
+            billed = all(any(name.endswith(".dist-info/" + BILL) for name in names) for names in wheels)
             made.append({path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.glob("s*"))})
     differing = [name for name in made[0] if made[0][name] != made[1].get(name)]
     print(
         f"two builds  {'FAILED: ' + ', '.join(differing) + ' differ' if differing else 'equal: ' + ', '.join(made[0])}"
     )
-    return bool(made[0]) and not differing
+    if not billed:
+        print(f"two builds  FAILED: no {BILL} in the wheel")
+    return bool(made[0]) and billed and not differing
 
 
 def copy(source: Path) -> None:

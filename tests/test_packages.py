@@ -1,10 +1,9 @@
 """What is given to others: nothing that only POSIX has, a licence for all its parts, a bill of materials."""
 
 import ast
-import importlib.util
+import importlib.metadata
 import json
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -77,15 +76,13 @@ def test_nothing_that_only_posix_has_stands_without_its_counterpart(room: str) -
 
 
 def test_the_bill_of_materials_lists_every_part_and_is_the_same_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    spec = importlib.util.spec_from_file_location("licences", ROOT / "packaging/licences.py")
-    licences = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "licences", licences)  # where its dataclass looks its types up
-    spec.loader.exec_module(licences)
+    monkeypatch.syspath_prepend(ROOT / "packaging")
+    licences = importlib.import_module("licences")
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
-    parts = [licences.of_program(), licences.of_python()]
+    own, parts = licences.of_program(), [licences.of_python()]
     parts += [licences.of_distribution(licences.distribution(name)) for name in ("numpy", "PyYAML")]
-    bill = licences.bill(parts)
-    assert json.dumps(bill) == json.dumps(licences.bill(parts))
+    bill = licences.bill(own, parts)
+    assert json.dumps(bill) == json.dumps(licences.bill(own, parts))
     assert (bill["bomFormat"], bill["specVersion"]) == ("CycloneDX", "1.5")
     assert bill["metadata"]["timestamp"] == "2023-11-14T22:13:20+00:00"
     assert bill["metadata"]["component"]["name"] == "stripe-workbench"
@@ -93,6 +90,23 @@ def test_the_bill_of_materials_lists_every_part_and_is_the_same_each_time(monkey
     assert by_name["PyYAML"]["purl"].startswith("pkg:pypi/pyyaml@6")
     assert all(part["version"] and part["licenses"] for part in by_name.values())
     assert bill["dependencies"] == [{"ref": "stripe-workbench", "dependsOn": [p["name"] for p in bill["components"]]}]
+
+
+def test_the_bill_of_a_wheel_lists_the_fonts_in_it_and_what_it_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    import tomllib
+
+    monkeypatch.syspath_prepend(ROOT / "packaging")
+    listed = importlib.import_module("bill").of_wheel(importlib.metadata.metadata("stripe-workbench"))
+    by_name = {part["name"]: part for part in listed["components"]}
+    assert by_name["DejaVu fonts"]["licenses"] == [{"license": {"name": "Bitstream-Vera"}}]
+    assert (
+        by_name["DejaVu fonts"]["version"].encode("utf-16-be") in (ROOT / "resources/fonts/DejaVuSans.ttf").read_bytes()
+    )
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    required = {re.split("[>;=]", line)[0] for line in project["dependencies"]}
+    assert {name for name, part in by_name.items() if part.get("scope") == "required"} == required
+    assert by_name["pyserial"]["scope"] == "optional"
+    assert "numpy>=2.0" in by_name["numpy"]["properties"][0]["value"]
 
 
 def test_the_licence_names_the_fonts_and_the_description_leads_nowhere_inside() -> None:
