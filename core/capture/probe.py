@@ -78,14 +78,15 @@ def questions(profile: Profile) -> Iterator[tuple[str, dict[str, Value]]]:
 
 def _steps(talk: Dialogue, profile: Profile, name: str, values: dict[str, Value]) -> Iterator[Exchange]:
     for number, step in enumerate(profile.commands[name], 1):
-        begun = time.monotonic()
+        begun, lost = time.monotonic(), None
         try:
             told = talk.take(name, step, True, values)
             words, understood = ", ".join(f"{k} = {shown(v)}" for k, v in told.items() if k != "tag"), True
             words = words or ("understood" if step.expect else "sent; the profile expects no answer")
         except DeviceError as error:
-            if isinstance(error, LineDownError):
-                raise
+            lost = error if isinstance(error, LineDownError) else None
             understood, words = False, error.seen.removeprefix(f"{name}: ")
         title = name if len(profile.commands[name]) == 1 else f"{name} {number}/{len(profile.commands[name])}"
         yield Exchange(title, talk.sent, bytes(talk.heard), understood, words, time.monotonic() - begun)
+        if lost is not None:
+            raise lost

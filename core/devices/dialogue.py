@@ -118,8 +118,12 @@ class Dialogue:
                 return answer
             if reason == "empty":
                 raise EmptyError(self.name, f"{command}: nothing is stored there", "check the device's supply")
-        self.settle()
         error = RefusedError if reason in MEANINGS and reason != "busy" else UnansweredError
+        try:
+            self.settle()
+        except LineDownError:
+            if error is not RefusedError:  # it may hang up on whom it refuses
+                raise
         told = f"refused ({reason})" if reason in MEANINGS else reason
         raise error(
             self.name,

@@ -13,10 +13,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from core.devices.profile import Port
 from core.devices.protocol import Check, no_check, wait_until
-from core.errors import DeviceError
+from core.errors import DeviceError, InputError
 
 _WRITE_S = 2.0
 _WORDS = {  # pyserial's, in part, of the various systems: what they mean to whoever looks at the cable
@@ -134,6 +135,8 @@ class Link:
     def __init__(self, url: str, port: Port, identity: Identity | None = None) -> None:
         self.url = url
         serial = _pyserial()
+        if url.startswith(("socket:", "rfc2217:")):  # others have no port after a colon
+            _check_place(url)
         self.place = find_again(identity) or url if identity is not None else url
         self._remedy = "check cable and port name, and that no other program uses the port"
         with self._wrapped("cannot be opened"):
@@ -226,6 +229,16 @@ class Link:
             yield
         except (OSError, ValueError, TypeError, AttributeError, _termios_error()) as error:
             raise LineDownError(self.url, f"the line {what} ({_why(error)})", self._remedy) from error
+
+
+def _check_place(url: str) -> None:
+    """See that the address of another computer has a port."""
+    try:
+        seen = "" if urlsplit(url).port else "no port"
+    except ValueError as error:
+        seen = str(error)
+    if seen:
+        raise InputError(url, seen, "give the port that the other end listens at, as in socket://HOST:4352")
 
 
 def _why(error: BaseException) -> str:

@@ -7,7 +7,6 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
-from urllib.parse import urlsplit
 from weakref import WeakValueDictionary
 
 from core.devices.address import Address, parse_address, with_option
@@ -154,11 +153,6 @@ def _serial(address: Address, note: Note, check: Check) -> Projector:
 
     if not address.place:
         raise InputError(address.url, "no port", "name it, as in serial:/dev/ttyUSB0 or serial:socket://host:port")
-    try:
-        if address.place.startswith(("socket:", "rfc2217:")):  # others have no port after a colon
-            urlsplit(address.place).port  # noqa: B018  it is looked at when asked for
-    except ValueError as error:
-        raise InputError(address.url, str(error), "give the port that the other end listens at") from error
     profile, settle_s = _profile(address, 0, 0)
     address.finish()
     return SerialProjector(address.place, profile, note, settle_s=settle_s, check=check)

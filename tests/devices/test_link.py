@@ -14,7 +14,7 @@ import pytest
 from core.devices import link, open_projector
 from core.devices.link import LineDownError, Link
 from core.devices.profile import Port
-from core.errors import Cancelled, DeviceError
+from core.errors import Cancelled, DeviceError, InputError
 
 XON, XOFF = b"\x11", b"\x13"
 PORT = Port(9600, 8, "none", 1, "xonxoff")
@@ -139,6 +139,13 @@ def test_words_of_other_systems_are_told_as_plainly(line: tuple[int, Link], monk
 def test_a_port_that_is_not_there_says_what_the_system_says(tmp_path: Path) -> None:
     with pytest.raises(LineDownError, match=r"cannot be opened \(No such file or directory\)"):
         Link(str(tmp_path / "ttyUSB0"), PORT)
+
+
+@pytest.mark.parametrize("place", ["socket://127.0.0.1:", "socket://127.0.0.1", "rfc2217://127.0.0.1:99999"])
+def test_an_address_needs_a_port(place: str) -> None:
+    """For pyserial, '<=' was "not supported between instances of 'int' and 'NoneType'"."""
+    with pytest.raises(InputError, match="give the port that the other end listens at"):
+        Link(place, PORT)
 
 
 def test_an_error_that_pyserial_wraps_keeps_what_the_system_says(line: tuple[int, Link], monkeypatch) -> None:

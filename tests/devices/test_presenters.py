@@ -101,6 +101,26 @@ def test_a_projector_is_switched_on_over_the_network_too(own) -> None:
     assert seen == ["30"]
 
 
+def test_a_pjlink_projector_with_a_password_is_told_with_what_it_said(capsys) -> None:
+    """Class 1 in PJLink's own words: it greets with a random number, and hangs up on whoever does not use it."""
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        connection.sendall(b"PJLINK 1 498e4a67\r")
+        connection.recv(4096)
+        connection.sendall(b"PJLINK ERRA\r")
+        connection.close()
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    assert main(["probe", "pjlink", f"socket://127.0.0.1:{server.getsockname()[1]}"]) in (1, 2)
+    thread.join()
+    server.close()
+    assert "PJLINK ERRA" in (told := capsys.readouterr().out)
+    assert "NOT UNDERSTOOD: refused" in told
+
+
 @pytest.mark.parametrize(
     ("name", "device", "seen"),
     [

@@ -497,6 +497,23 @@ def test_probe_shows_every_byte_and_what_was_not_understood(own, capsys) -> None
     assert "2 of 2 commands were not understood (load, select)" in bad.err
 
 
+def test_a_probe_shows_what_came_before_the_line_was_lost(own, monkeypatch, capsys) -> None:
+
+    def receive(self: link.Link, until_s: float, check: object = None) -> bytes:
+        if (data := next(lines, None)) is None:
+            raise link.LineDownError("port", "the line is gone", "check the cable")
+        return data
+
+    with plugged(Prompting()) as port:
+        monkeypatch.setattr(link.Link, "drain", lambda *a: 0)
+        lines = iter([b"$A0"])
+        monkeypatch.setattr(link.Link, "receive", receive)
+        assert main(["probe", own(PROMPTING), port]) == 1
+    told = capsys.readouterr()
+    assert "< 24 41 30   $A0" in told.out
+    assert "the line is gone" in told.err
+
+
 def test_an_answer_that_says_something_else_is_told_with_both(own) -> None:
     device = Prompting()
     device.spoil = lambda data: data.replace(b"$A001*D2", b"$A003*D4")
