@@ -14,7 +14,7 @@ from core.fields import read_table
 from core.model import Capture, KnownLength, KnownPoints, PhaseMap, Project, TargetSet
 from core.pipeline.calibrate import load_adjustment
 from core.pipeline.folders import find_capture
-from core.pipeline.measure import measured_targets
+from core.pipeline.measure import boards_of, measured_targets
 
 TARGETS = "targets"  # ends of a length that are targets: (row, col, 0)
 CLICKED_PX = 0.1  # sigma of a place in an image that a file gives without one
@@ -96,5 +96,8 @@ def _targets(project: Project, capture: Capture) -> TargetSet:
         raise InputError(
             capture.path, "shows no testfield", "take a capture of role testfield, or give places in the image"
         )
-    found = measured_targets(project, [find_capture(project, str(capture.path))])
-    return next(t for t in found if (t.camera, t.projector) == (capture.camera, capture.projector))
+    # the calibration's images help to tell which way round the board lies
+    others = [c for c in boards_of(project) if c.role == capture.role and c.path != capture.path]
+    found = measured_targets(project, [find_capture(project, str(capture.path)), *others])
+    own = (capture.name, capture.camera, capture.projector)
+    return next(t for t in found if (t.capture, t.camera, t.projector) == own)

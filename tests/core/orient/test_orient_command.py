@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,14 @@ def test_a_capture_without_board_has_no_targets(calibrated: Path, capsys: pytest
     for known in (["--length", "targets", "0,0", "1,1", "5", "0.1"], ["--points"]):
         assert main(["orient", str(calibrated), "plane+15", *known]) == 2
         assert "plane+15: shows no testfield; take a capture of role testfield" in capsys.readouterr().err
+
+
+def test_a_board_that_nobody_picked_lies_as_the_calibration_has_it(calibrated: Path, tmp_path: Path) -> None:
+    picked = calibrated / "captures" / "testfield-02"
+    alone = shutil.copytree(picked, tmp_path / "alone", ignore=shutil.ignore_patterns("picks.json"))
+    one, other = (run("orient", calibrated, folder, "--points", tmp_path=tmp_path) for folder in (picked, alone))
+    assert one["points"] == other["points"] > 40
+    assert other["rotation_urad"] == pytest.approx(one["rotation_urad"])
 
 
 def test_what_captures_show_is_kept_for_the_chart_and_the_report(calibrated: Path, tmp_path: Path) -> None:
