@@ -31,6 +31,7 @@ from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
 from core.pipeline import find_capture, load_calibrations, phase_maps, read_phase, write_cloud, write_phase
 from core.pipeline.evaluate import covers, judge_plane
+from core.pipeline.evidence import points_of
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.runs import calibration_hashes
@@ -279,7 +280,8 @@ def _do(step: Step, job: Job, phase: PhaseMap) -> Any:
         raise InputError(job.name, "no calibration is of its devices", remedy)
     if step == "reconstruct":
         method, calibration = next(iter(calibrations.items()))
-        cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)
+        with points_of(job.capture, [phase]):
+            cloud = METHODS[method].reconstruct(phase, calibration, False, SILENT)
         cloud = judge_points(cloud, {job.name: said_of(job.capture, [phase], calibration)}, method, calibration)
         points = write_cloud(path, phase.image, cloud)
         return {"method": method, "points": points, "verdict": verdict_figures(cloud.verdict)}

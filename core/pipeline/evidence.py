@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.errors import AdjustmentError, InputError, NotRecognisedError, StripeError, listed
+from core.errors import AdjustmentError, InputError, NoCoordinateError, NotRecognisedError, StripeError, listed
 from core.lazy import dataclass
 from core.model import (
     Adjustment,
@@ -24,6 +24,7 @@ from core.model import (
     Interior,
     LeftOut,
     Method,
+    PhaseMap,
     PhotogrammetricCalibration,
     Project,
     Role,
@@ -83,6 +84,16 @@ def because_of(notes: Mapping[str, Sequence[str]]) -> Iterator[None]:
         if not known or not told or (isinstance(error, InputError) and not sharp):
             raise
         raise kind(error.where, error.seen, f"{error.remedy}. First see to this: {told[0]}") from None
+
+
+@contextmanager
+def points_of(capture: Capture, phases: Sequence[PhaseMap]) -> Iterator[None]:
+    """Where decoded frames have no coordinate that points follow from, name the capture and what it says."""
+    with because_of({capture.name: [*capture.notes, *(note for phase in phases for note in phase.notes)]}):
+        try:
+            yield
+        except NoCoordinateError as error:
+            raise InputError(capture.path, error.seen, error.remedy) from None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from core.errors import InputError
 from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.decode import decode_series, one_series, phase_maps
+from core.pipeline.evidence import points_of
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.method import CalibrationMethod
@@ -52,11 +53,14 @@ def reconstruct_capture(
         due = [s for s in find_capture(project, name).series if s.projector == capture.projector]
         phases = {phase.camera: phase for _, phase in phase_maps(project, due, progress.part(0.0, 0.5))}
         seen = [*phases.values()]
-        clouds = joint_clouds(seen, calibration, camera=capture.camera, progress=progress.part(0.5, 1.0))
+        with points_of(capture, seen):
+            clouds = joint_clouds(seen, calibration, camera=capture.camera, progress=progress.part(0.5, 1.0))
         phase, cloud = phases[capture.camera], clouds[capture.camera]
     else:
         phase = decode_series(capture, project, progress.part(0.0, 0.5))
-        seen, cloud = [phase], record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
+        seen = [phase]
+        with points_of(capture, seen):
+            cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
     return phase, judge_points(cloud, {capture.name: said_of(capture, seen, used)}, chosen, calibration)
 
 

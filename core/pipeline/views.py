@@ -11,6 +11,7 @@ from core.errors import InputError
 from core.model import Capture, Figures, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
+from core.pipeline.evidence import points_of
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.methods import METHODS
@@ -53,9 +54,10 @@ def reconstruct_views(
     calibration = photogrammetric_calibration(project)
     capture = find_capture(project, name)
     phases = [phase for _, phase in phase_maps(project, [capture], progress.part(0.0, 0.5))]
-    clouds = joint_clouds(
-        phases, calibration, camera="" if fill else camera, rays=rays, progress=progress.part(0.5, 0.8)
-    )
+    with points_of(capture, phases):
+        clouds = joint_clouds(
+            phases, calibration, camera="" if fill else camera, rays=rays, progress=progress.part(0.5, 0.8)
+        )
     if not clouds:
         seen = f"has no {camera or 'pair of cameras and projectors'} of the capture"
         raise InputError("calibration", seen, f"it knows {', '.join(calibration.devices)}")

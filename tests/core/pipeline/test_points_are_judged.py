@@ -126,3 +126,15 @@ def test_captures_that_cannot_be_merged_say_what_is_wrong_with_them(calibrated: 
     disturb(calibrated, early, "testfield-02")
     with pytest.raises(StripeError, match=r"do not settle .*First see to this: testfield-02: frames across columns"):
         merge_captures(read_project(calibrated), ["testfield-01", "testfield-02"])
+
+
+def test_a_capture_without_coordinates_is_named(
+    calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    disturb(calibrated, lambda images: [np.full_like(image, 20) for image in images], "testfield-02")
+    for command in (
+        ["merge", str(calibrated), "testfield-01", "testfield-02"],
+        ["reconstruct", str(calibrated), "testfield-02"],
+    ):
+        assert main([*command, "--out", str(tmp_path / "a.ply")]) == 2
+        assert "captures/testfield-02: no pixel has a projector coordinate" in capsys.readouterr().err
