@@ -25,10 +25,12 @@ from core.checks.network import adjustment_concerns, nominal_concerns, sound_wor
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
+from core.checks.volume import depthless_concerns
 from core.checks.weights import uneven_axes
 
 __all__ = [
-    "Plates", "adjustment_concerns", "bar_notes", "code_concerns", "end_notes", "exchanged_notes", "foreign_concerns",
+    "Plates", "adjustment_concerns", "bar_notes", "code_concerns", "depthless_concerns", "end_notes",
+    "exchanged_notes", "foreign_concerns",
     "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of", "length_concerns",
     "light_end", "misplaced_concerns", "nominal_concerns", "pair_concerns", "plane_concerns", "plane_words",
     "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns",

@@ -15,15 +15,16 @@ import numpy as np
 
 from core.checks.plates import intersect_targets
 from core.errors import InputError
-from core.geometry import perturbed, project, ray_directions
+from core.geometry import held_axes, pair_of, perturbed, project, ray_directions
 from core.lazy import dataclass
-from core.model import AdjustedDevice, Adjustment, Array, Interior, Pair
+from core.model import AdjustedDevice, Adjustment, Array, Concern, Interior, Pair, PhotogrammetricCalibration
 from core.numerics import chi_square_limit, quantile_of
 
 GRID = 13  # nodes along the image's longer side
 DEPTHS = 5
 USUAL = 0.02, 0.98  # quantiles of the targets' depths: the volume
 LEVEL = 0.001  # chance that equal calibrations are found to differ
+DEEPER, LEAST_PARALLAX = 1e-4, 0.03  # a share of the depth; rad between rays of camera and projector, rigs have 0.2
 LEAST_MODE = 1e-3  # of the strongest: weaker directions are less sure than the linear model
 
 
@@ -46,19 +47,45 @@ class Volume:
 
 def working_depths(pair: Pair, adjustment: Adjustment | None, camera: str) -> Array:
     """Depths at which the targets of a calibration were seen; without them about where both devices' axes meet."""
-    if adjustment is not None and camera in adjustment.devices:
-        network = adjustment.network
-        own = [s for s, name in enumerate(network.station_device) if name == camera]
-        seen = [network.observation_point[network.observation_station == s] for s in own]
-        at = [adjustment.station_from_object[s].apply(adjustment.points_mm[p]) for s, p in zip(own, seen, strict=True)]
-        if at:
-            nearest, farthest = (quantile_of(-np.concatenate(at)[:, 2], share) for share in USUAL)
-            return np.linspace(nearest, farthest, DEPTHS)
+    if adjustment is not None and len(at := _seen(adjustment, camera)):
+        nearest, farthest = (quantile_of(-at[:, 2], share) for share in USUAL)
+        return np.linspace(nearest, farthest, DEPTHS)
     pose = pair.projector_from_camera
     ends = np.array([[0.0, 0.0, -1.0], -pose.rotation[2]]).T
     along = np.linalg.lstsq(ends * [1.0, -1.0], pose.inverse().translation_mm, rcond=None)[0][0]
     middle = along if along > 0 else 10 * float(np.linalg.norm(pose.translation_mm))
     return np.asarray(middle * np.linspace(0.9, 1.1, DEPTHS))
+
+
+def depthless_concerns(calibration: PhotogrammetricCalibration, adjustment: Adjustment) -> list[Concern]:
+    """Find projectors of which one coordinate alone was observed, and the one that hardly changes with depth."""
+    concerns, cameras = [], calibration.cameras
+    for name in calibration.projectors if len(cameras) == 1 else ():  # cameras do without
+        pair, xyz = pair_of(calibration, cameras[0], name), _seen(adjustment, cameras[0])
+        pose, spec = pair.projector_from_camera, pair.projector.spec
+        held = held_axes(pose, np.diagonal(pair.covariance)[-6:])
+        if len(held) != 1 or held[0] == "z" or not len(xyz):
+            continue
+        k = 1 - "xy".index(held[0])
+        ends = [project(spec, pair.projector.interior, xyz * s, pose)[:, k] for s in (1 - DEEPER, 1 + DEEPER)]
+        parallax = np.diff(ends, axis=0) / (2 * DEEPER) * spec.pitch_mm[k] / pair.projector.interior.c_mm
+        if float(np.sqrt(np.mean(parallax**2))) < LEAST_PARALLAX:
+            text = (
+                f"{name}: {'uv'[k]} alone was observed, which hardly changes with depth on this rig: no points follow "
+                f"from it, and how far camera and projector are apart stays unknown; capture with patterns along "
+                f"{held[0]}"
+            )
+            concerns.append(Concern("failed", text))
+    return concerns
+
+
+def _seen(adjustment: Adjustment, camera: str) -> Array:
+    """Targets as a camera saw them, (n, 3), in its frame, those of all stations."""
+    network = adjustment.network
+    own = [s for s, name in enumerate(network.station_device) if name == camera]
+    seen = [network.observation_point[network.observation_station == s] for s in own]
+    at = [adjustment.station_from_object[s].apply(adjustment.points_mm[p]) for s, p in zip(own, seen, strict=True)]
+    return np.concatenate(at) if at else np.zeros((0, 3))
 
 
 def volume_of(pair: Pair, depths_mm: Array) -> Volume:

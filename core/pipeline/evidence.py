@@ -122,14 +122,16 @@ class Evidence:
 
     @cached_property
     def lengths(self) -> list[Concern]:
-        """What known lengths, boards and plates say of the photogrammetric calibration."""
-        from core.checks import length_concerns
+        """What known lengths, boards and plates say of the photogrammetric calibration, if it gives points at all."""
+        from core.checks import depthless_concerns, length_concerns
 
         adjustment = next((a for a in self.beside.values() if isinstance(a, Adjustment)), None)
         if self.photogrammetric is None or adjustment is None:
             return []
         calibration, board = self.calibrations[self.photogrammetric], self.used[self.photogrammetric][0].testfield
         assert isinstance(calibration, PhotogrammetricCalibration)
+        if found := depthless_concerns(calibration, adjustment):
+            return found
         plates, plate = _plates(calibration, self.captures, self.kept)
         same = plate is not None and _same(plate, board)
         return length_concerns(adjustment, board, self.project.scale, plates, same)

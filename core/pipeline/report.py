@@ -69,7 +69,8 @@ def _result_data(project: Project, evaluations: tuple[PlaneEvaluation, ...]) -> 
     if calibration is not None:
         adjustment = load_adjustment(project)
         if calibration.covariance.any() and calibration.projectors:
-            volume = volume_of_calibration(calibration, adjustment)
+            with suppress(InputError):  # the projector lights nothing there, which its verdict tells
+                volume = volume_of_calibration(calibration, adjustment)
         if not len(adjustment.residuals):
             adjustment = None  # calibrated by another program
     return ReportData(

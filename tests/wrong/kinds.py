@@ -234,6 +234,7 @@ KINDS: dict[str, tuple[Change, str]] = {
     "a board's capture called a plate": (other_role("testfield-02", "depth", z_mm=13.0), "testfield-02"),
     "a plate's capture called a board": (other_role("depth-02", "testfield"), "plate.csv|board|depth-02"),
     "a board's capture called a plane": (other_role("testfield-02", "plane", angle_deg=7), "testfield-02.*(angle|flat|clean)"),
+    "rows alone": (captures("", lambda d: d.update(frames=[f for f in d["frames"] if f["pattern"].get("axis") != "x"])), "v alone was observed"),
     # more of the same: picks
     "picks at half resolution": (picks("testfield-02", lambda s: [{**a, "u": a["u"] / 2, "v": a["v"] / 2} for a in s]), "testfield-02.*pick"),
     "picks counted from below": (picks("testfield-02", lambda s: [{**a, "v": 239 - a["v"]} for a in s]), "testfield-02.*pick"),

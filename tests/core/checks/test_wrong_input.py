@@ -18,6 +18,7 @@ import pytest
 from core.calibrate import calibrate_photogrammetric
 from core.checks import (
     adjustment_concerns,
+    depthless_concerns,
     foreign_concerns,
     length_concerns,
     misplaced_concerns,
@@ -28,7 +29,7 @@ from core.checks import (
 from core.checks.plates import Plates
 from core.errors import StripeError
 from core.geometry import Pose, pair_of
-from core.model import Interior, ScaleBar, TargetSet, Testfield, Verdict, verdict_of
+from core.model import Concern, Interior, ScaleBar, TargetSet, Testfield, Verdict, verdict_of
 from tests.calibrated import calibration_of_pair
 from tests.core.checks.rigs import RIGS, Project, simulate, turn
 
@@ -55,12 +56,16 @@ def judge(p: Project) -> Verdict:
         for device in ("camera", "projector"):
             name = f"{t.capture}/{device}"
             rejected[name] = len(t.row) - int(count.get(name, 0)), len(t.row)
-    plates = see_plates(calibration, p.plates, p.z_mm, p.plate)
+
+    def lengths() -> list[Concern]:
+        plates = see_plates(calibration, p.plates, p.z_mm, p.plate)
+        return length_concerns(adjustment, p.board, p.scale, plates, False)
+
     concerns = [
         *repeated_targets(p.fields),
         *adjustment_concerns(adjustment, rejected),
         *misplaced_concerns(p.board, adjustment, p.fields),
-        *length_concerns(adjustment, p.board, p.scale, plates, False),
+        *(depthless_concerns(calibration, adjustment) or lengths()),
         *nominal_concerns({"camera": calibration.camera, "projector": calibration.projector}),
     ]
     return verdict_of(concerns)
@@ -105,6 +110,12 @@ def exposed_again(t: TargetSet, sigmas: float) -> TargetSet:
     rng = np.random.default_rng(0)
     uv = t.camera_uv + sigmas * rng.normal(0, np.sqrt(np.diagonal(t.camera_cov, axis1=1, axis2=2)))
     return replace(t, camera_uv=uv, projector_uv=t.projector_uv + sigmas * rng.normal(0, t.projector_sigma))
+
+
+def one_coordinate(p: Project, k: int) -> Project:
+    """Columns alone, or rows."""
+    only = np.where(np.arange(2) == k, 1.0, np.nan)
+    return replace(p, fields=tuple(replace(t, projector_uv=t.projector_uv * only) for t in p.fields))
 
 
 def half_turned(t: TargetSet, rows: int, cols: int) -> TargetSet:
@@ -258,6 +269,7 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
         ),
         "camera: residuals",
     ),
+    "rows alone": (lambda p: one_coordinate(p, 1), "projector: v alone was observed.*patterns along x"),
     "stripes bent": (
         lambda p: replace(
             p,
@@ -293,6 +305,10 @@ def test_wrong_input_is_named(kind: str, name: str, projects: dict[str, Project]
         verdict = Verdict("failed", (str(error),))
     assert verdict.state != "passed"
     assert any(re.search(told, text) for text in verdict.because[:3]), verdict.because
+
+
+def test_columns_alone_give_points(projects: dict[str, Project]) -> None:
+    assert depthless_concerns(*calibrated(one_coordinate(projects["paper"], 0))) == []
 
 
 def test_a_board_that_stood_still_is_not_one_capture(projects: dict[str, Project]) -> None:
