@@ -82,3 +82,15 @@ def test_a_capture_without_picks_is_refused(quick: Path) -> None:
     picks_of(quick, "testfield-01").unlink()
     with pytest.raises(InputError, match=r"testfield-01.*no picks"):
         measure_one(read_project(quick), "testfield-01")
+
+
+def test_frames_of_another_capture_are_named_before_picks_that_do_not_fit(calibrated: Path) -> None:
+    here, other = (calibrated / "captures" / name for name in ("testfield-03", "testfield-05"))
+    for k in range(12, 24):
+        file = here / f"{k:03d}.png"
+        file.unlink()  # which may be the same file as that of another copy
+        file.write_bytes((other / file.name).read_bytes())
+    with pytest.raises(
+        InputError, match=r"testfield-03/picks.json: .* First see to this: testfield-05: 012\.png, .*in test"
+    ):
+        measure_project(read_project(calibrated))
