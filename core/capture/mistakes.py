@@ -15,7 +15,7 @@ from core.capture.contradictions import PIXELS, Looked, contradicting, looks, un
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
 from core.model import Note
-from core.numerics import spaced
+from core.numerics import median_of, spaced
 from core.patterns import Code, Pattern, Phase, axis_of, describe
 
 Array = NDArray[np.float32]
@@ -31,6 +31,8 @@ PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mi
 BEYOND, LEFT = 0.02, 0.06  # of all pixels: explained by more lines at least, and left by them at most
 MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines explain them; of 24 sound axes none
 NEAR = 0.05  # another period than described, relative: a slip, not a multiple
+LEVELLING, LEAST_LEVEL = 3, 0.03  # rounds; share of the pixels that a frame must show bright, and dark
+UNLIKE, MOST_GAIN = 0.2, 3.0  # gains or levels, white = 1, of frames; of one against the others
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
@@ -69,6 +71,12 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
             if left <= least + min(ALIKE, share / 10):
                 plainest.setdefault(tuple(sorted(changed)), text)
         return Note(f": {'; '.join(plainest.values())}", "mistake"), None
+    levelled = _levelled(looked)
+    if levelled is not None and contradicting(levelled, looked.patterns, looked, FEW) <= most:
+        why = (
+            "they fit if every frame has a level and gain of its own: switch automatic exposure and gain off, and lamps"
+        )
+        return Note(f": {why} of the room", "mistake"), None
     if shown:
         _, name, j = min(shown)
         twins = [k for k, p in enumerate(looked.patterns) if describe(p) == name]
@@ -88,8 +96,39 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
             return _exchange(looked.shots[j], i)
     if alone:
         return _one(looked, min(single)[1], "something else, a frame of another capture?")
-    why = "frames are of another capture or sequence, something moved, or the patterns are not what was shown"
+    why = (
+        "frames are of another capture or sequence, something moved, the light changed, grey values were edited, or "
+        "the patterns are not what was shown"
+    )
     return Note(f": {why}"), None
+
+
+def _levelled(looked: Looked) -> Array | None:
+    """Values (k, n) without level and gain that every frame has of its own, by the lines told; None without any."""
+    possible, _ = looks(looked.patterns, looked.lines)
+    values = looked.values
+    for _ in range(LEVELLING):
+        light = possible[:, nearest(values, possible)[1]]
+        levelled, gains, levels = [], [], []
+        for shown, seen in zip(light, looked.values, strict=True):
+            ends = [w for w in (shown < 0.3, shown > 0.7) if w.sum() >= LEAST_LEVEL * len(shown)]
+            if not ends:
+                return None
+            told, here = ([median_of(each[w]) for w in ends] for each in (shown, seen))
+            if len(ends) == 1:  # dark or bright all over: a level or a gain
+                told, here = (
+                    ([0.0, *told], [0.0, *here]) if told[0] > 0.5 else ([*told, 1 + told[0]], [*here, 1 + here[0]])
+                )
+            gain = (here[1] - here[0]) / (told[1] - told[0])
+            if not 1 / MOST_GAIN < gain < MOST_GAIN:
+                return None
+            levelled.append((seen - here[0]) / gain + told[0])
+            gains.append(gain)
+            levels.append(here[0] - gain * told[0])
+        if max(np.ptp(gains), np.ptp(levels)) < UNLIKE:
+            return None
+        values = np.array(levelled, np.float32)
+    return values
 
 
 def left_unexplained(looked: Looked, few: int = PIXELS) -> tuple[float, float]:

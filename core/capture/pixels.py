@@ -25,6 +25,7 @@ SOME = 5  # frames that are looked at
 FLAT = 0.1  # of the brightest frame's range: a column that varies less may be unlit
 EVEN = 0.5  # of the others: a camera's image is not so even where it is lit
 REPEATED = 0.15  # of the columns and of the rows; of noise none, and half of them where two pixels were made of one
+HALF = 0.4, 0.6  # of the rows, where every second one is a copy
 ROUGHER = 2.0  # sound frames of 8 to 12 bits have at most 1; exchanged ones 3.2 to 50, on three captures of one rig
 
 
@@ -77,8 +78,9 @@ def enlarged(images: Sequence[NDArray]) -> list[Finding]:
     some = [images[k] for k in spaced(len(images), SOME)]
     lit = max(some, key=lambda i: float(i[::8, ::8].mean()))
     shares, size, others = [], [], lit
-    if not np.all([np.all(i[::16, 1:] == i[::16, :-1], axis=0) for i in some], axis=0).any():
-        return []  # no column does where a few rows are looked at
+    ways = [some, [i.T for i in some]]
+    if not any(np.all([np.all(i[::16, 1:] == i[::16, :-1], axis=0) for i in way], axis=0).any() for way in ways):
+        return []  # no column or row does where a few pixels are looked at
     for axis in (1, 0):
         alike = np.all([np.all(np.diff(i, axis=axis) == 0, axis=1 - axis) for i in some], axis=0)
         shown = np.ptp(np.delete(lit, 0, axis=axis), axis=1 - axis) > FLAT * float(np.ptp(lit[::8, ::8]))
@@ -86,7 +88,12 @@ def enlarged(images: Sequence[NDArray]) -> list[Finding]:
         shares.append(float(np.mean(alike[shown])) if count >= LEAST_VALUES else 0.0)
         size.append(lit.shape[axis] - int(np.count_nonzero(alike)))
         others = np.delete(others, np.flatnonzero(alike), axis=axis)
-    if min(shares) < REPEATED or _even(others):
+    if _even(others):
+        return []
+    if shares[0] < REPEATED < HALF[0] < shares[1] < HALF[1]:
+        text = "every second row repeats the one beside it: one field of a video, its rows doubled; record whole frames"
+        return [Finding("enlarged", "bad", text, {"repeated": shares[1]}, names="mistake")]
+    if min(shares) < REPEATED:
         return []
     text = (
         f"{shares[0]:.0%} of its columns and {shares[1]:.0%} of its rows repeat their neighbours, as where frames of "

@@ -183,7 +183,9 @@ def size_concerns(targets: Sequence[TargetSet], boards: Mapping[str, Testfield |
     if 1 / OFF <= size <= OFF:
         return []
     names = listed(sorted(found), 1)
-    remedy = "is it the radius?" if RADIUS[0] < size < RADIUS[1] else "correct it, or name the board that was captured"
+    remedy = "correct it, or name the board that was captured"
+    if RADIUS[0] < size < RADIUS[1]:
+        remedy = "is it the radius, or are x_mm and y_mm of another board?"
     text = f"{names}: dots are seen {size:.2f} times as large as diameter_mm of their testfield file says; {remedy}"
     return [Concern("doubtful", text)]
 

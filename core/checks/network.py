@@ -114,7 +114,7 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
             text += "its interior orientation in project.json may belong to another lens or focus; "
         text += (
             "look for wrong identities or a turned board, a moved device, a board that bends, wrong patterns, frames "
-            "that were compressed or denoised, or sigmas set too small"
+            "that were compressed, denoised or rescaled, or sigmas set too small"
         )
         concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
     return concerns

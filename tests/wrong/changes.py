@@ -157,6 +157,17 @@ def copied(a: str, b: str, *, file: Callable[[str], bool] = lambda name: True, a
     return write
 
 
+def late_half(a: str, b: str) -> Change:
+    """Put the second half of one capture's frames into another."""
+    return lambda folder: copied(a, b, file=lambda name: int(name) >= len(_images(folder / "captures" / a)) // 2)(
+        folder
+    )
+
+
+def _images(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.suffix != ".json"]
+
+
 def twice(folder: Path) -> None:
     """A capture under two names."""
     shutil.copytree(folder / "captures/testfield-02", folder / "captures/testfield-09x")
@@ -338,6 +349,17 @@ def rewritten(change: Callable[[np.ndarray], np.ndarray], begin: str = "") -> Ch
 def one_channel(image: np.ndarray) -> np.ndarray:
     """A colour image of which only the blue channel was lit."""
     return np.dstack([image, image * 0, image * 0])
+
+
+def exposed_by_itself(images: Images) -> Images:
+    """Every frame with another exposure."""
+    gains = np.random.default_rng(7).uniform(0.5, 1.3, len(images))
+    return [np.clip(i * gain, 0, full(i)) for i, gain in zip(images, gains, strict=True)]
+
+
+def one_field(images: Images) -> Images:
+    """The even rows of a video image, each twice."""
+    return [i[np.arange(len(i)) // 2 * 2] for i in images]
 
 
 def fields_exchanged(images: Images) -> Images:

@@ -184,7 +184,14 @@ EXCHANGED: dict[str, tuple[Callable[[Frames], Frames], str]] = {
     "upside down": (lambda f: [np.ascontiguousarray(i[::-1]) for i in f], "mirrored"),
     "three times too long": (lambda f: [np.clip(3.0 * i, 0, 255).astype(np.uint8) for i in f], "saturated"),
     "dark": (lambda f: [(i // 60).astype(np.uint8) for i in f], "light"),
+    "exposed one by one": (lambda f: exposed_by_itself(f), "columns .* they fit if every frame has a level and gain"),
+    "one field, doubled": (lambda f: [i[np.arange(len(i)) // 2 * 2] for i in f], "every second row repeats"),
 }
+
+
+def exposed_by_itself(f: Frames) -> Frames:
+    gains = np.random.default_rng(7).uniform(0.5, 1.3, len(f))
+    return [np.clip(np.round(i * gain), 0, 255).astype(np.uint8) for i, gain in zip(f, gains, strict=True)]
 
 
 @pytest.mark.parametrize("kind", list(EXCHANGED))
