@@ -37,7 +37,8 @@ CLEAR = 1.0  # standard deviations above 0 from which no more than a sixth of th
 DIM = 0.5  # part of the brightest pixels' range of grey values, less of which is no light
 ALIKE = 0.15  # correlation of neighbours in what should be noise, beyond which some of it is misfit; also
 # part of its squares that harmonics explain: sigma is 8 % too large by as much
-CHANCE = 2.0  # standard deviations of noise of bent waves beyond which there is misfit
+ALONG = 35 / 18  # of second differences along a row, that tell as much as one residual alone
+CHANCE = 3.0  # standard deviations of noise of bent waves beyond which there is misfit
 OWN = 0.7  # part of the contrast of white and black that that of bits and their inverses should have
 SEVERAL = 0.03  # part of the lit pixels in which it is less, from which the bits themselves tell the contrast
 USUAL = 0.6  # part of the usual contrast that a code alone must have
@@ -131,7 +132,7 @@ def measure_noise(
             residual, level = residual[:, whole], level[:, whole]
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step, lowest)._replace(unlit=unlit)
-            return _without_misfit(crude, residual.size, found, images, saturation, bent, step)
+            return _without_misfit(crude, (residual, level), found, images, saturation, bent, step)
         return estimate_noise(residual.ravel(), level.ravel(), step, lowest)._replace(unlit=unlit)
     if lines:
         return _sweep_noise(lines[0], sample, saturation, images)
@@ -210,18 +211,18 @@ def _with_more_bright(
 
 def _without_misfit(
     whole: Noise,
-    number: int,
+    alone: tuple[Array, Array],
     found: Array,
     images: Sequence[Image],
     saturation: float,
     bent: Sequence[Wave],
     step: float,
 ) -> Noise:
-    """Noise from the second differences of the contrasts along some rows; what so many residuals, which made `whole`,
-    show besides is misfit."""
+    """Noise from the second differences of the contrasts along some rows; what residuals of pixels `alone`, which with
+    their levels made `whole`, show besides is misfit. Of bent waves both tell the noise where that is none."""
     height, width = images[0].shape
-    number = min(32, max(4, FEW_ROWS // width)) if bent else 32
-    rows = slice(height // (2 * number), None, max(1, height // number))
+    count = min(32, max(4, FEW_ROWS // width)) if bent else 32
+    rows = slice(height // (2 * count), None, max(1, height // count))
     used = np.flatnonzero(np.abs(found).max(axis=0) > 0) if not bent else np.arange(len(images))
     g = np.stack([images[int(n)][rows] for n in used]).astype(np.float32)
     factors = found[:, used].astype(np.float32)
@@ -249,9 +250,14 @@ def _without_misfit(
     )  # misfit grows with the light; where there is little, edges make more
     own = np.average(noise.variance(level).mean(axis=0), weights=weight)
     beyond = float(np.average(whole.variance(level).mean(axis=0), weights=weight) - own)
-    by_chance = CHANCE * own * np.sqrt(2 / number) if bent else 0.0
-    misfit = beyond / max(float(np.average(light[:, 1:-1], weights=weight)), 1.0) if beyond > by_chance else 0.0
-    return noise._replace(misfit=misfit, unlit=whole.unlit) if beyond > 0 else whole
+    near = residual[:, good], level[:, good]
+    if bent and beyond <= CHANCE * own * np.sqrt(2 / alone[0].size + 2 * ALONG / near[0].size):
+        residual, level = (np.concatenate([a.ravel(), b.ravel()]) for a, b in zip(alone, near, strict=True))
+        return estimate_noise(residual, level, step, float(g.min()))._replace(unlit=whole.unlit)
+    if beyond <= 0:
+        return whole
+    misfit = beyond / max(float(np.average(light[:, 1:-1], weights=weight)), 1.0)
+    return noise._replace(misfit=misfit, unlit=whole.unlit)
 
 
 def _sweep_noise(lines: LineFrames, sample: Singles, saturation: float, images: Sequence[Image]) -> Noise:
