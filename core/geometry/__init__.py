@@ -21,8 +21,10 @@ from core.geometry.lens import LENSES, Lens, at_radius, distort, fitted, lens_of
 from core.geometry.pairs import (
     calibration_of,
     camera_for,
+    changed,
     held_axes,
     knows,
+    orientation_names,
     orientation_variances,
     pair_derivatives,
     pair_for,
@@ -40,10 +42,9 @@ from core.geometry.rotation import (
 )
 
 __all__ = [
-    "LENSES", "Lens", "Pose", "Projection", "at_radius", "calibration_of", "camera_for",
-    "cross_matrix", "distort",
-    "estimated", "fitted", "held_axes", "image_to_pixel", "knows", "lens_of", "matrix_from_axis_angle",
-    "matrix_from_rotation_vector", "nominal", "orientation_variances", "pair_derivatives", "pair_for", "pair_named",
-    "pair_of", "perturbed", "pixel_to_image", "project", "project_with_derivatives", "ray_directions", "regular",
-    "rotation_vector_from_matrix", "similarity", "undistort",
+    "LENSES", "Lens", "Pose", "Projection", "at_radius", "calibration_of", "camera_for", "changed", "cross_matrix",
+    "distort", "estimated", "fitted", "held_axes", "image_to_pixel", "knows", "lens_of", "matrix_from_axis_angle",
+    "matrix_from_rotation_vector", "nominal", "orientation_names", "orientation_variances", "pair_derivatives",
+    "pair_for", "pair_named", "pair_of", "perturbed", "pixel_to_image", "project", "project_with_derivatives",
+    "ray_directions", "regular", "rotation_vector_from_matrix", "similarity", "undistort",
 ]  # fmt: skip

@@ -155,6 +155,27 @@ def calibration_of(
     )
 
 
+def changed(
+    calibration: PhotogrammetricCalibration, change: Array, covariance: Array | None = None
+) -> PhotogrammetricCalibration:
+    """Add a change, shape (k,) in the order of the covariance, to all devices and orientations."""
+    by = dict(zip(calibration.parameter_names, change, strict=True))
+
+    def of(names: tuple[str, ...]) -> Array:
+        return np.array([by[name] for name in names])
+
+    devices = {
+        name: replace(device, interior=device.interior.changed(of(names_of(name, device))))
+        for name, device in calibration.devices.items()
+    }
+    orientations = {
+        name: replace(known, device_from_base=known.device_from_base.changed(of(orientation_names(name))))
+        for name, known in calibration.orientations.items()
+    }
+    covariance = calibration.covariance if covariance is None else covariance
+    return replace(calibration, devices=devices, orientations=orientations, covariance=covariance)
+
+
 def perturbed(pair: Pair, change: Array) -> Pair:
     """Add a change, shape (k,) in the order of the covariance, to camera, projector and their orientation."""
     camera, projector = pair.camera, pair.projector

@@ -8,7 +8,16 @@ of `core.geometry`. Nothing here computes more than a property.
 """
 
 from core.model.arrays import Array, Figures, Floats, Ints
-from core.model.beside import DriftPoint, Feature, KnownLength, KnownPoints, Overlap, Registration, RigMotion
+from core.model.beside import (
+    DriftPoint,
+    Feature,
+    KnownLength,
+    KnownPoints,
+    Overlap,
+    Registration,
+    RigCorrection,
+    RigMotion,
+)
 from core.model.calibration import (
     AdjustedDevice,
     Adjustment,
@@ -42,6 +51,6 @@ __all__ = [
     "DriftPoint", "Feature", "Figures", "Finding", "Floats", "Frame", "Interior", "Ints", "KnownLength", "KnownPoints",
     "LeftOut", "Method", "MissingTarget", "Names", "Network", "NetworkDevice", "NetworkScale", "Note", "Orientation",
     "Overlap", "Pair", "PhaseMap", "PhotogrammetricCalibration", "PlaneEvaluation", "PointCloud", "Project",
-    "Registration", "Rig", "RigMotion", "Role", "ScaleBar", "Seed", "StationId", "Subject", "TargetId", "TargetSet",
-    "Testfield", "Verdict", "bluntness", "named_by", "points_at_a_cause", "verdict_of",
+    "Registration", "Rig", "RigCorrection", "RigMotion", "Role", "ScaleBar", "Seed", "StationId", "Subject",
+    "TargetId", "TargetSet", "Testfield", "Verdict", "bluntness", "named_by", "points_at_a_cause", "verdict_of",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from core.lazy import dataclass
 from core.model.arrays import Array
-from core.model.calibration import Pair
+from core.model.calibration import Pair, PhotogrammetricCalibration
 from core.model.finding import Verdict
 
 if TYPE_CHECKING:
@@ -81,6 +81,24 @@ class RigMotion:
     stretch: float = 1.0  # times the usual drifts of shift and interior orientation: how much was allowed for
     camera: str = "camera"
     projector: str = "projector"
+
+
+@dataclass(frozen=True)
+class RigCorrection:
+    """Where all devices of a rig stand, as one capture shows it.
+
+    `calibration` has them there, with the covariance that follows. `devices` have moved against the one that all
+    refer to by `rotation_rad` and `shift_mm` (d, 3) in its frame, with standard deviations `sigma` (d, 6): all but the
+    size of the whole rig, which fits every residual. `pairs` are those that showed it.
+    """
+
+    capture: str
+    calibration: PhotogrammetricCalibration
+    devices: tuple[str, ...]
+    rotation_rad: Array
+    shift_mm: Array
+    sigma: Array
+    pairs: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ known.py      lengths and points that are known, as observations
 freedom.py    what may have changed, by how much rigs drift, and what chance explains
 equations.py  the linear estimate, its covariance, and what neighbours share
 motion.py     the test of the calibrated orientation, and the corrected one with its covariance
+rig.py        all devices of a rig corrected together
 register.py   how the rig stood in captures of one object, from targets and the surface; starts in starts.py,
               patches of a surface in surface.py
 chart.py      captures one after the other, each held against those before it
@@ -19,9 +20,10 @@ from core.orient.freedom import OrientOptions
 from core.orient.known import LENGTHS, lines_at
 from core.orient.motion import find_motion
 from core.orient.register import View, register
+from core.orient.rig import correct_rig
 from core.orient.starts import starts_of
 
 __all__ = [
-    "LENGTHS", "Expectation", "OrientOptions", "View", "drift_chart", "expectation_of", "find_motion", "judged",
-    "lines_at", "register", "starts_of",
+    "LENGTHS", "Expectation", "OrientOptions", "View", "correct_rig", "drift_chart", "expectation_of", "find_motion",
+    "judged", "lines_at", "register", "starts_of",
 ]  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.geometry import cross_matrix
+from core.geometry import Pose, cross_matrix
 from core.lazy import dataclass
 from core.model import Array, Pair
 from core.numerics import chi_square_limit, fisher_above
@@ -45,15 +45,19 @@ class Freedom:
         return np.asarray(self.directions @ np.diag(self.drift**2) @ self.directions.T)
 
 
+def turns_and_shifts(pose: Pose) -> Array:
+    """From changes of a device's pose to its rotation and shift in the frame that the pose is from, (6, 6)."""
+    # R' = R exp(-w) = exp(-R w) R, and t' = -R' (p + s)
+    R = pose.rotation
+    J = np.zeros((6, 6))
+    J[:3, :3], J[3:, 3:], J[3:, :3] = -R.T, -R.T, -R.T @ cross_matrix(pose.translation_mm)
+    return J
+
+
 def motion_of(pair: Pair) -> Array:
     """From changes of the pair's parameters to rotation and shift of the projector in the camera's frame, (6, k)."""
-    # R' = R exp(-w) = exp(-R w) R, and t' = -R' (p + s)
-    pose = pair.projector_from_camera
-    R, t = pose.rotation, pose.translation_mm
     J = np.zeros((6, len(pair.covariance)))
-    J[:3, -6:-3] = -R.T
-    J[3:, -3:] = -R.T
-    J[3:, -6:-3] = -R.T @ cross_matrix(t)
+    J[:, -6:] = turns_and_shifts(pair.projector_from_camera)
     return J
 
 

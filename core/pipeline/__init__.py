@@ -53,6 +53,9 @@ if TYPE_CHECKING:
     from core.pipeline.orient import orient_capture as orient_capture
     from core.pipeline.orient import orient_pairs as orient_pairs
     from core.pipeline.orient_known import parse_length as parse_length
+    from core.pipeline.orient_rig import correct_together as correct_together
+    from core.pipeline.orient_rig import together_figures as together_figures
+    from core.pipeline.orient_rig import together_words as together_words
     from core.pipeline.orient_words import drift_figures as drift_figures
     from core.pipeline.orient_words import drift_words as drift_words
     from core.pipeline.orient_words import motion_words as motion_words
@@ -114,6 +117,7 @@ _HOMES = {
     "core.pipeline.options": "CalibrateOptions",
     "core.pipeline.orient": "drift_of orient_capture orient_pairs",
     "core.pipeline.orient_known": "parse_length",
+    "core.pipeline.orient_rig": "correct_together together_figures together_words",
     "core.pipeline.orient_words": "drift_figures drift_words motion_words motions_figures",
     "core.pipeline.picking": "accept_guesses guess_picks",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",

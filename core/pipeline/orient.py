@@ -26,7 +26,7 @@ from core.project.archive import read_head
 VERSION = 6  # raise it where the same capture and calibration give other figures: what is kept is then found again
 
 
-class _Look:
+class Look:
     """A capture looked at by one pair of devices after the other; each camera's frames are decoded once."""
 
     def __init__(self, project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> None:
@@ -137,7 +137,7 @@ def orient_capture(
         more is wanted than whether they moved.
     """
     calibration = photogrammetric_calibration(project)
-    look = _Look(project, find_capture(project, name), calibration)
+    look = Look(project, find_capture(project, name), calibration)
     how = _Wanted(correct, keep, significance, tuple(lengths), points)
     return _orient(look, look.series(camera, projector), how, progress)
 
@@ -158,7 +158,7 @@ class _Wanted:
         return bool(self.correct or self.lengths or self.points)
 
 
-def _orient(look: _Look, series: Sequence[Capture], wanted: _Wanted, progress: Progress) -> RigMotion:
+def _orient(look: Look, series: Sequence[Capture], wanted: _Wanted, progress: Progress) -> RigMotion:
     from core.orient import OrientOptions, find_motion
 
     significance, points, (capture, *others) = wanted.significance, wanted.points, series
@@ -209,7 +209,7 @@ def orient_pairs(
         is raised.
     """
     calibration = photogrammetric_calibration(project)
-    look = _Look(project, find_capture(project, name), calibration)
+    look = Look(project, find_capture(project, name), calibration)
     wanted = _Wanted(correct, keep, significance, tuple(lengths), points)
     pairs = look.chosen(camera, projector, only_watched=not wanted.more)
     if not pairs or (lengths and len({pair[0] for pair in pairs}) > 1):
@@ -245,7 +245,7 @@ def drift_of(
     captures = all_captures(project)
     for i, capture in enumerate(captures):
         progress(i / len(captures), f"looking at {capture.name}")
-        look = _Look(project, capture, calibration)
+        look = Look(project, capture, calibration)
         for pair in look.pairs:
             if set(pair) <= set(calibration.devices):
                 series = look.series(*pair)
@@ -271,17 +271,23 @@ def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCal
     return corrected
 
 
-def _motion_if_seen(look: _Look, series: Sequence[Capture]) -> RigMotion | None:
+def _motion_if_seen(look: Look, series: Sequence[Capture]) -> RigMotion | None:
     try:
         return _orient(look, series, _Wanted(), SILENT)
     except InputError:  # one axis, too few pixels, or frames that do not decode
         return None
 
 
-def signature_of(pair: Pair) -> str:
-    """What tells one calibration from another: the digits of its orientation and interiors."""
-    pose, interiors = pair.projector_from_camera, (pair.camera.interior.vector, pair.projector.interior.vector)
-    return hashlib.sha256(b"".join(a.tobytes() for a in (pose.rotation, pose.translation_mm, *interiors))).hexdigest()
+def signature_of(calibration: Pair | PhotogrammetricCalibration) -> str:
+    """What tells one calibration from another: the digits of its orientations and interiors."""
+    if isinstance(calibration, Pair):
+        poses, devices = [calibration.projector_from_camera], [calibration.camera, calibration.projector]
+    else:
+        poses = [known.device_from_base for known in calibration.orientations.values()]
+        devices = [*calibration.devices.values()]
+    digits = [a for pose in poses for a in (pose.rotation, pose.translation_mm)]
+    digits += [device.interior.vector for device in devices]
+    return hashlib.sha256(b"".join(a.tobytes() for a in digits)).hexdigest()
 
 
 def _corrected(project: Project, capture: Capture) -> Path:

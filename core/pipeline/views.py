@@ -15,6 +15,7 @@ from core.pipeline.evidence import points_of
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.methods import METHODS
+from core.pipeline.orient_rig import oriented_together
 from core.pipeline.runs import current_runs
 from core.progress import SILENT, Progress
 from core.project import iterate_images
@@ -33,6 +34,7 @@ def reconstruct_views(
     camera: str = "",
     rays: Literal["all", "cameras"] = "all",
     fill: bool = False,
+    orient: bool = False,
     progress: Progress = SILENT,
 ) -> tuple[Floats, PointCloud]:
     """Reconstruct a capture by the photogrammetric calibration from all cameras and projectors, or cameras alone.
@@ -48,11 +50,15 @@ def reconstruct_views(
     rays : {"all", "cameras"}
     fill : bool
         Where nothing was decoded, match the texture that two cameras see.
+    orient : bool
+        With all devices where `correct_together` found them.
     """
     from core.reconstruct import fill_by_texture, merged
 
     calibration = photogrammetric_calibration(project)
     capture = find_capture(project, name)
+    if orient:
+        calibration = oriented_together(project, capture, calibration)
     phases = [phase for _, phase in phase_maps(project, [capture], progress.part(0.0, 0.5))]
     with points_of(capture, phases):
         clouds = joint_clouds(

@@ -49,6 +49,7 @@ SHAPES: dict[str, dict[str, str]] = {
         "parameter_cov": "p p",
     },
     "AdjustedDevice": {"sigma": "k"},
+    "RigCorrection": {"devices": "d", "rotation_rad": "d 3", "shift_mm": "d 3", "sigma": "d 6"},
     "PhotogrammetricCalibration": {"covariance": "k k", "parameter_names": "k"},
     "DepthCalibration": {
         "depths_mm": "d",

@@ -382,6 +382,10 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     assert set(figures["pairs"]) == {"left-projector", "right-projector"}
     assert figures["moved"] is any(pair["moved"] for pair in figures["pairs"].values()) is False
     assert figures["untold"] == {}
+    for device in ("right", "projector"):  # together they are where they were, too: sixteen normal deviates
+        moved = figures["together"][device]
+        off = np.abs([*moved["rotation_urad"], *moved["shift_mm"]]) / [*moved["sigma_urad"], *moved["sigma_mm"]]
+        assert off.max() < 4
     assert main(["orient", str(project.path), "plane+15", "--json", str(out)]) == 0
     figures = json.loads(out.read_text())
     assert set(figures["pairs"]) == {"left-projector", "right-projector", "left-right"}
@@ -391,11 +395,11 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     assert main([*two, "left"]) == 2
     assert main(["orient", str(project.path), "plane+15", "--camera", "right", "--projector", "left"]) == 0
     words = ["reconstruct", str(project.path), "plane+15", "--orient", "--camera", "right"]
-    assert main([*words, "--out", str(tmp_path / "right.npz")]) == 0
-    assert main([*words[:-2], "--out", str(tmp_path / "left.npz")]) == 0  # of the first, where none is named
+    for rays in ("all", "cameras", "pair"):  # the plane stays flat by the corrected devices
+        assert main([*words, "--rays", rays, "--out", str(tmp_path / "right.npz")]) == 0
+        assert flatness(tmp_path / "right.npz")[1] == pytest.approx(1.0, abs=0.15), rays
+    assert main([*words[:-2], "--rays", "pair", "--out", str(tmp_path / "left.npz")]) == 0  # of the first
     assert np.load(tmp_path / "left.npz")["xyz"].shape[:2] == (project.camera.height, project.camera.width)
-    # the corrected projector is that of this camera: the plane stays flat
-    assert flatness(tmp_path / "right.npz")[1] == pytest.approx(1.0, abs=0.15)
 
 
 def test_rays_of_all_are_the_default_of_what_knows_all_devices(project: Project, monkeypatch) -> None:

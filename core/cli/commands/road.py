@@ -168,7 +168,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
 
     pipeline.check_cloud(options.out)
     project = options.project
-    one_pair = options.orient or options.projector or (options.method and not pipeline.METHODS[options.method].joint)
+    one_pair = options.projector or (options.method and not pipeline.METHODS[options.method].joint)
     rays: Any = options.rays or (
         "all" if not one_pair and pipeline.seen_by_several(project, options.capture) else "pair"
     )
@@ -176,9 +176,9 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         raise InputError("--fill texture", "matches between cameras", "give a capture by several cameras, and all rays")
     if rays != "pair":
         if one_pair:
-            other = f"--method {options.method}" if options.method else "--orient or --projector"
+            other = f"--method {options.method}" if options.method else "--projector"
             raise InputError("--rays", f"{rays} does not go with {other}", "leave one of the two out")
-        named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill)}
+        named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill), "orient": options.orient}
         image, cloud = pipeline.reconstruct_views(project, options.capture, **named, progress=progress)
     else:
         if options.orient and not (options.camera or options.projector or project.rig.is_pair):

@@ -86,11 +86,18 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
             print(line)
     for (camera, projector), because in untold.items():
         print(f"{motions[0].capture}: {projector} against {camera} cannot be judged: {because}")
+    figures = pipeline.motions_figures(motions, untold)
     if options.correct:
         for m in motions:
             of = "" if project.rig.is_pair else f" --camera {m.camera} --projector {m.projector}"
             print(f"kept: `stripe-core reconstruct {project.path} {m.capture} --orient{of}` uses it")
-    return pipeline.motions_figures(motions, untold)
+    if options.correct and not (options.camera or options.projector or options.length or options.points):
+        together = pipeline.correct_together(project, options.capture, progress)
+        if together is not None:
+            print(*pipeline.together_words(together), sep="\n")
+            print(f"kept: `stripe-core reconstruct {project.path} {together.capture} --orient` uses it")
+            figures["together"] = pipeline.together_figures(together)
+    return figures
 
 
 def _features(options: Options, progress: Progress) -> dict[str, Any]:
