@@ -144,7 +144,8 @@ def _add(folder: Path, names: set[str], part: Path | None = None) -> None:
     with lock(folder / f"{FILE}.lock", "listing what was written", wait_s=5.0):
         made = read_made(folder)
         files = {name: value for name, value in made["files"].items() if name in names or (folder / name).exists()}
-        replaced = {name: value for name, value in _replaced(made).items() if name not in names}
+        before = {name: value for name, value in _replaced(made).items() if name not in names}
+        replaced = {name: value for name, value in before.items() if _hash(folder / name) != files.get(name)}
         for name in sorted(names):
             if part is not None:
                 replaced[name], files[name] = files.get(name, ""), _hash(part)

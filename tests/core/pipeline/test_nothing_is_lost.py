@@ -597,6 +597,20 @@ def room_for(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
+def test_what_a_killed_program_had_replaced_is_listed_no_longer_than_needed(tmp_path: Path) -> None:
+    for text in (b"first", b"second"):
+        with guarding(tmp_path), atomic_write(tmp_path / "a.txt") as file:
+            file.write(text)
+    made = tmp_path / ".stripe-made.json"
+    listed = json.loads(made.read_text())
+    own = listed["files"]["a.txt"]
+    for placed, before, left in ((own, "other", []), ("other", own, ["a.txt"])):  # killed after the rename, and before
+        made.write_text(json.dumps({**listed, "files": {"a.txt": placed}, "replaced": {"a.txt": before}}))
+        with guarding(tmp_path), atomic_write(tmp_path / f"{placed}.txt") as file:
+            file.write(b"beside")
+        assert [*json.loads(made.read_text())["replaced"]] == left
+
+
 def test_of_files_that_belong_together_none_is_replaced_alone(tmp_path: Path) -> None:
     first, second = tmp_path / "a.html", tmp_path / "b.pdf"
     write_together({first: b"old", second: b"old"})
