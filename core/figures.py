@@ -9,6 +9,7 @@ import numpy as np
 
 from core.geometry import Pose, held_axes, lens_of, orientation_variances, pair_of
 from core.model import (
+    UNJUDGED,
     AdjustedDevice,
     Adjustment,
     Array,
@@ -122,9 +123,7 @@ def _known_pose(pose: Pose, variances: Array) -> Figures:
 
 def verdict_figures(verdict: Verdict | None) -> Figures:
     """A verdict; what nobody judged is doubtful."""
-    if verdict is None:
-        return {"state": "doubtful", "because": ["not judged: made by another version of the program"]}
-    return picked(verdict, "state because")
+    return picked(verdict or UNJUDGED, "state because")
 
 
 def evaluation_figures(evaluations: Sequence[PlaneEvaluation]) -> Figures:

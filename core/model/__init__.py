@@ -30,6 +30,7 @@ from core.model.calibration import (
 )
 from core.model.capture import Capture, Frame, Role, Subject
 from core.model.finding import (
+    UNJUDGED,
     Concern,
     Finding,
     LeftOut,
@@ -47,6 +48,7 @@ from core.model.rig import DeviceSpec, Interior, Project, Rig, ScaleBar
 from core.model.targets import MissingTarget, Seed, TargetSet, Testfield
 
 __all__ = [
+    "UNJUDGED",
     "AdjustedDevice", "Adjustment", "Array", "Calibration", "Capture", "Concern", "DepthCalibration", "DeviceSpec",
     "DriftPoint", "Feature", "Figures", "Finding", "Floats", "Frame", "Interior", "Ints", "KnownLength", "KnownPoints",
     "LeftOut", "Method", "MissingTarget", "Names", "Network", "NetworkDevice", "NetworkScale", "Note", "Orientation",

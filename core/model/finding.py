@@ -151,6 +151,9 @@ class Concern:
     about: str = ""  #: what alone it tells of: a plane's capture, "blunders", "held", or of lengths "board" or "plates"
 
 
+UNJUDGED = Verdict("doubtful", ("not judged: made by another version of the program",))
+
+
 def verdict_of(concerns: Iterable[Concern], sound: Iterable[str] = ()) -> Verdict:
     """Give the verdict of all concerns, the worst first; `sound` says what speaks for a result that has none.
 

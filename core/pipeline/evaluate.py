@@ -200,7 +200,7 @@ def _told(
     for row, *_, said in found:
         notes[row.capture] = tuple(dict.fromkeys((*notes.get(row.capture, ()), *said)))
     order = list(METHODS)
-    verdicts = {m: c.verdict for m, c in calibrations.items() if c.verdict is not None}
+    verdicts = {m: c.verdict for m, c in calibrations.items()}
     result = sorted((row for row, *_ in found), key=lambda e: order.index(e.method))
     return judge_planes(result, seen, notes, verdicts, repeated)
 

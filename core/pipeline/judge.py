@@ -12,6 +12,7 @@ import numpy as np
 from core.errors import AdjustmentError, InputError
 from core.geometry import knows, pair_of
 from core.model import (
+    UNJUDGED,
     Adjustment,
     Calibration,
     Capture,
@@ -88,7 +89,7 @@ def judge_planes(
     evaluations: Sequence[PlaneEvaluation],
     seen: Mapping[tuple[str, Method, str, str], tuple[Form, float]],
     notes: Mapping[str, Sequence[str]] | None = None,
-    verdicts: Mapping[Method, Verdict] | None = None,
+    verdicts: Mapping[Method, Verdict | None] | None = None,
     repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge planes, each against its prediction and all against each other.
@@ -112,7 +113,8 @@ def judge_planes(
         concerns = plane_concerns(e, *seen[e.capture, e.method, *e.devices])
         of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
         named = [c for c in common if c.about in ("", e.capture)]
-        named += based_on(e.method, (verdicts or {}).get(e.method))
+        if verdicts is not None and e.method in verdicts:
+            named += based_on(e.method, verdicts[e.method])
         judged.append(replace(e, verdict=_verdict(of_capture, [*concerns, *named], plane_words(e))))
     return tuple(judged)
 
@@ -127,7 +129,8 @@ def judge_points(
 
 def based_on(method: Method, verdict: Verdict | None) -> list[Concern]:
     """Say what a calibration's verdict means for what is made with it, which is no better."""
-    if verdict is None or verdict.state == "passed" or not verdict.because:
+    verdict = verdict or UNJUDGED
+    if verdict.state == "passed" or not verdict.because:
         return []
     state: Literal["failed", "doubtful"] = "failed" if verdict.state == "failed" else "doubtful"
     return [Concern(state, f"its {method} calibration is {verdict.state}: {verdict.because[0]}")]

@@ -83,7 +83,8 @@ def test_points_are_no_better_than_their_calibration(calibrated: Path) -> None:
     cloud = PointCloud(np.zeros((2, 2, 3), np.float32))
     calibration = load_calibrations(read_project(calibrated))["photogrammetric"]
     said = {"a": (Note("not used", "pick"),)}
-    for verdict, state in ((Verdict("passed", ("noise",)), "passed"), (Verdict("failed", ("it slipped",)), "failed")):
+    sound, slipped = Verdict("passed", ("noise",)), Verdict("failed", ("it slipped",))
+    for verdict, state in ((sound, "passed"), (slipped, "failed"), (None, "doubtful")):
         judged = judge_points(cloud, said, "photogrammetric", replace(calibration, verdict=verdict)).verdict
         assert judged is not None
         assert judged.state == state
