@@ -213,9 +213,10 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
         if not near:
             yield _of_period(period, other, own, patterns)
     if codes:
-        own_cell = codes[0].cell
+        own_cell, cells = codes[0].cell, 1 << codes[0].bits
         for cell in (own_cell / 2, own_cell * 2, own_cell / 4, own_cell * 4, own_cell - 1, own_cell + 1):
-            if cell >= 1 and cell % 1 == 0 and all(p.cell == own_cell for p in codes):
+            tells = cell * cells >= min(looked.lines, own_cell * cells)  # decoding refuses what does not
+            if tells and cell % 1 == 0 and all(p.cell == own_cell for p in codes):
                 changed = [replace(p, cell=int(cell)) if isinstance(p, Code) else p for p in patterns]
                 yield f"they fit with a cell of {cell:.0f} lines, not {own_cell}", own, changed
         kind: Literal["gray", "binary"] = "binary" if codes[0].kind == "gray" else "gray"

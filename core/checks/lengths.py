@@ -20,6 +20,7 @@ from core.numerics import chi_square_limit, median_of
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %
 SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the level of the other tests
+MOST_RELIEF = 0.03  # of its size: a board that bends by more is none, its heights are in µm
 FAILED = 0.02
 OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of its size
 OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, which are known to about a half
@@ -174,9 +175,8 @@ def _shape(nominal: Array, found: Array, about: str) -> tuple[float, list[Concer
     scale_low, R, shift = similarity(low, found)
     rest = found - scale_low * low @ R.T - shift
     if off > max(TOLERANCE * size, 5 * float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))):
-        text = (
-            f"{file}: the board is seen {off:.3g} mm r.m.s. flatter than that: correct z_mm; is it in µm instead of mm?"
-        )
+        unit = "; is it in µm instead of mm?" if np.ptp(nominal[:, 2]) > MOST_RELIEF * size else ""
+        text = f"{file}: the board is seen {off:.3g} mm r.m.s. flatter than that: correct z_mm{unit}"
         return scale_low, [Concern("failed", text, about)]
     if off > OUT_OF_SHAPE * size:
         text = (

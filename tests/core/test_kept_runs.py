@@ -336,3 +336,17 @@ def test_a_calibration_stays_where_another_method_fails(calibrated: Path, capsys
     after = current_runs(read_project(calibrated))
     assert after["photogrammetric"] != before["photogrammetric"]
     assert after["polynomial"] == before["polynomial"]
+
+
+def test_a_plate_without_targets_is_named_where_no_pixel_sees_the_plates_move(
+    calibrated: Path, edit_json, capsys, monkeypatch
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise AdjustmentError("depth captures", "no pixel sees the plate move", "look at them")
+
+    monkeypatch.setattr("core.calibrate.calibrate_depth", fails)
+    picks = calibrated / "captures/depth-02/picks.json"
+    seeds = [{**s, "u": s["u"] + 13, "v": s["v"] + 9} for s in json.loads(picks.read_text())["seeds"]]
+    edit_json(picks, seeds=seeds)
+    assert main(["calibrate", str(calibrated), "--method", "polynomial"]) == 1
+    assert "First see to this: depth-02: none of its targets was measured: pick" in capsys.readouterr().err

@@ -28,7 +28,7 @@ from core.model import (
     Testfield,
 )
 from core.pipeline.decode import Look
-from core.pipeline.evidence import Evidence, because_of, lengths_of
+from core.pipeline.evidence import Evidence, because_of, lengths_of, notes_of
 from core.pipeline.measure import common_testfield, measured_or_why, side_of, signs_of, turned_together
 from core.pipeline.method import ADJUSTMENT, Calibrated, CalibrationMethod, Judgement, intersected
 from core.pipeline.options import CalibrateOptions
@@ -121,7 +121,7 @@ def _calibrate(
         told_of = lengths_of(camera, known, plates.boards, {t.capture: t for t in sets}, scale)
         doubts = repeated_targets(sets) or [concern for concern in told_of if concern.state == "failed"]
         if not doubts:
-            with because_of({c.name: phase.notes for c, phase in decoded}):
+            with because_of({**{c.name: phase.notes for c, phase in decoded}, **notes_of([*told.values()])}):
                 raise
         raise AdjustmentError(error.where, error.seen, f"{error.remedy}. First see to this: {doubts[0].text}") from None
     told_all = (*notes, *warnings, *calibration.warnings)
