@@ -87,9 +87,9 @@ class RigMotion:
 class RigCorrection:
     """Where all devices of a rig stand, as one capture shows it.
 
-    `calibration` has them there, with the covariance that follows. `devices` have moved against the one that all
-    refer to by `rotation_rad` and `shift_mm` (d, 3) in its frame, with standard deviations `sigma` (d, 6): all but the
-    size of the whole rig, which fits every residual. `pairs` are those that showed it.
+    `calibration` has them there, with the covariance that follows. `devices` that it shows have moved against the one
+    that all refer to by `rotation_rad` and `shift_mm` (d, 3) in its frame, with standard deviations `sigma` (d, 6): all
+    but the size of the whole rig, which fits every residual. `pairs` are those that showed it.
     """
 
     capture: str

@@ -8,7 +8,7 @@ line show the ratios of their bases, and each holds the others. What remains uns
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -50,11 +50,13 @@ def correct_rig(
     Two cameras are held against each other by labels that each of them also has of the projector. Such noise is not
     independent: every pair's counts as often as there are cameras, which by Cauchy and Schwarz is not too little.
     """
-    C, drifts = calibration.covariance, _drifts(calibration, options)
-    before = C + drifts.by @ drifts.covariance @ drifts.by.T
-    change, often = np.zeros(len(C)), len({name for pair in seen for name in pair if name in calibration.cameras})
+    C, often = calibration.covariance, len({name for pair in seen for name in pair if name in calibration.cameras})
+    change = np.zeros(len(C))
     for round_, part in enumerate(progress.parts(options.rounds)):
         found, G = _shown(seen, changed(calibration, change), capture, options, part)
+        watched = {name for motion in found for name in (motion.camera, motion.projector)}
+        drifts = _drifts(calibration, [name for name in calibration.orientations if name in watched], options)
+        before = C + drifts.by @ drifts.covariance @ drifts.by.T
         noise = np.zeros((5 * len(found), 5 * len(found)))
         for i, motion in enumerate(found):
             noise[5 * i : 5 * i + 5, 5 * i : 5 * i + 5] = often * motion.noise
@@ -75,7 +77,7 @@ def correct_rig(
     return RigCorrection(
         capture=capture,
         calibration=changed(calibration, change, left @ before @ left.T + gain @ noise @ gain.T),
-        devices=tuple(calibration.orientations),
+        devices=tuple(name for name in calibration.orientations if name in watched),
         rotation_rad=each[:, :3],
         shift_mm=each[:, 3:],
         sigma=np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).reshape(-1, 6),
@@ -115,12 +117,13 @@ class _Drifts:
     by: Array
 
 
-def _drifts(calibration: PhotogrammetricCalibration, options: OrientOptions) -> _Drifts:
+def _drifts(calibration: PhotogrammetricCalibration, devices: Sequence[str], options: OrientOptions) -> _Drifts:
     """By how much devices turn and shift, but for what only makes the whole rig larger or smaller."""
     place = {name: i for i, name in enumerate(calibration.parameter_names)}
-    count = len(calibration.orientations)
+    count = len(devices)
     by, larger = np.zeros((len(place), 6 * count)), np.zeros((count, 6))
-    for j, (name, orientation) in enumerate(calibration.orientations.items()):
+    for j, name in enumerate(devices):
+        orientation = calibration.orientations[name]
         own = np.ix_([place[n] for n in orientation_names(name)], range(6 * j, 6 * j + 6))
         by[own] = np.linalg.inv(turns_and_shifts(orientation.device_from_base))
         larger[j, 3:] = orientation.device_from_base.origin_mm / options.shift_prior_mm

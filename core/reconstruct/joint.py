@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from enum import IntEnum
+from functools import partial
 from typing import Literal
 
 import cv2
@@ -210,9 +211,7 @@ def intersect_all(
         remedy = "use rays from the projector too" if lit else "capture by two calibrated cameras, or calibrate it too"
         raise InputError("the capture", seen, remedy)
     scene = Scene(placed(calibration), views, camera, rays, along)
-    starts = _by_lights(own, calibration) if lit else []
-    if rays == "cameras":
-        starts = [*_by_cameras(scene), *starts]
+    starts = _starts(scene, own, calibration, lit)
     plane = camera_rays(scene.devices[camera].spec, scene.devices[camera].interior)  # they are made by now
     directions = np.concatenate([plane, np.full_like(plane[..., :1], -1.0)], axis=-1, dtype=np.float64)
     progress(0.3, "intersecting all rays")
@@ -257,25 +256,33 @@ def intersect_all(
     return PointCloud(xyz, sigma, depth, told)
 
 
-def _by_lights(phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibration) -> list[Array]:
-    """Inverse depths (H, W) of a camera's pixels by each calibrated projector."""
-    return [-1 / intersect(phase, calibration).xyz_mm[..., 2].astype(np.float64) for phase in phases]
+def _starts(scene: Scene, own: Sequence[PhaseMap], calibration: PhotogrammetricCalibration, lit: bool) -> list[Array]:
+    """Inverse depths (H, W) of a camera's pixels by each calibrated projector, or by each other camera.
 
+    A single axis may change along the epipolar lines of some of them alone: NoCoordinateError if of none. Of cameras
+    alone, where the projector stands does not matter, and its light helps at the image's rim.
+    """
 
-def _by_cameras(scene: Scene) -> list[Array]:
-    """The same by each other camera, wherever the projectors stand."""
-    own = {view.projector: view.labels for view in scene.views if view.camera == scene.camera}
-    others = [view for view in scene.views if view.camera != scene.camera and view.projector in own]
+    def by_light(phase: PhaseMap) -> Array:
+        return np.asarray(-1 / intersect(phase, calibration).xyz_mm[..., 2].astype(np.float64))
+
+    labels = {view.projector: view.labels for view in scene.views if view.camera == scene.camera}
+    others = [view for view in scene.views if view.camera != scene.camera and view.projector in labels]
     devices, here = scene.devices, scene.devices[scene.camera]
-    starts, refused = [], None
-    for v in others:
-        try:
-            starts.append(depths_by_cameras(here, own[v.projector], devices[v.camera], v.labels))
-        except NoCoordinateError as error:  # of one axis, which others may see change along their epipolar lines
-            refused = error
-    if refused and not starts:
+    lights = [partial(by_light, phase) for phase in own] if lit else []
+    cameras = [partial(depths_by_cameras, here, labels[v.projector], devices[v.camera], v.labels) for v in others]
+    found, refused = [], None
+    for ways in [lights, cameras] if scene.rays == "all" else [[*cameras, *lights]]:
+        for way in ways:
+            try:
+                found.append(way())
+            except NoCoordinateError as error:
+                refused = error
+        if found and not refused:
+            break
+    if refused and not found:
         raise refused
-    return starts
+    return found
 
 
 def each_once(clouds: Mapping[str, PointCloud]) -> dict[str, PointCloud]:

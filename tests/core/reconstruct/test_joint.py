@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from core.errors import InputError
+from core.errors import InputError, NoCoordinateError
 from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import AdjustedDevice, DeviceSpec, Interior, Orientation, PhaseMap, PhotogrammetricCalibration
 from core.reconstruct import Sight, intersect_all, merged, reconstruct
@@ -143,10 +143,9 @@ def test_cameras_alone_do_not_care_where_the_projector_stands(turn: float) -> No
     assert np.sqrt(np.mean((error / cameras.sigma_depth_mm[seen]) ** 2)) == pytest.approx(1.0, abs=0.03)
 
 
-@pytest.mark.parametrize("name", ["left", "right", "top"])
-def test_cameras_that_share_a_label_share_its_noise(name: str) -> None:
-    """Of three cameras: 1.25 and 1.13 (left, right) where residuals of two against the third count as independent."""
-    top = Place.looking(CAMERA, 11.8, [120.0, 200.0, 890.0])
+def with_top(centre: list[float]) -> tuple[dict[str, Place], PhotogrammetricCalibration, list[PhaseMap]]:
+    """Three cameras before a plane, as calibrated."""
+    top = Place.looking(CAMERA, 11.8, centre)
     places, found = {"left": LEFT, "right": RIGHT, "top": top}, calibration()
     from_left = Pose(top.R @ LEFT.R.T, top.R @ (LEFT.centre - top.centre))
     more = [n.replace("right", "top") for n in found.parameter_names if n.startswith("right")]
@@ -159,11 +158,31 @@ def test_cameras_that_share_a_label_share_its_noise(name: str) -> None:
         covariance=np.zeros((len(found.covariance) + len(more),) * 2),
     )
     seen = [capture(place, LAMP, [plane], each, NOISE, i) for i, (each, place) in enumerate(places.items())]
+    return places, found, seen
+
+
+@pytest.mark.parametrize("name", ["left", "right", "top"])
+def test_cameras_that_share_a_label_share_its_noise(name: str) -> None:
+    """Of three cameras: 1.25 and 1.13 (left, right) where residuals of two against the third count as independent."""
+    places, found, seen = with_top([120.0, 200.0, 890.0])
     cloud = intersect_all(seen, found, name, rays="cameras")
     own = cloud.sight == Sight.JOINT
     assert own.mean() > 0.7
     error = depth_errors(cloud, places[name], [plane])[own] / cloud.sigma_depth_mm[own]
     assert np.sqrt(np.mean(error**2)) == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_camera_whose_axis_tells_nothing_by_the_projector_has_its_points_by_others() -> None:
+    """It stands above the projector, and has decoded columns alone: they hardly change with depth."""
+    places, found, (left, right, top) = with_top([0.0, 230.0, 890.0])
+    top = replace(top, v=np.full_like(top.v, np.nan))
+    with pytest.raises(NoCoordinateError):
+        intersect_all([top], found, "top")
+    cloud = intersect_all([left, right, top], found, "top")
+    own = cloud.sight == Sight.JOINT
+    assert own.mean() > 0.7
+    error = depth_errors(cloud, places["top"], [plane])[own] / cloud.sigma_depth_mm[own]
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(1.0, abs=0.05)
 
 
 def test_hidden_places_are_told_from_rays_that_miss() -> None:
