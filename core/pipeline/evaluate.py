@@ -112,7 +112,8 @@ def _judge(
     of_whole = {capture.name: capture for capture in planes}
 
     def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, tuple[str, str], Any, list[Row]]:
-        rows = _of_pair(project, capture, phase, calibrations, progress)
+        alone = len(of_whole[capture.name].pairs) == 1
+        rows = _of_pair(project, capture, phase, calibrations, progress, alone)
         kept = phase if len(of_whole[capture.name].pairs) > 1 else None
         return kept, (phase.camera, phase.projector), (light_end(phase.u), light_end(phase.v)), rows
 
@@ -170,21 +171,27 @@ def judge_plane(
 
 
 def _of_pair(
-    project: Project, capture: Capture, phase: PhaseMap, calibrations: Mapping[Method, Calibration], progress: Progress
+    project: Project,
+    capture: Capture,
+    phase: PhaseMap,
+    calibrations: Mapping[Method, Calibration],
+    progress: Progress,
+    alone: bool = True,
 ) -> list[Row]:
-    """Evaluate a plane by every calibration of a pair of devices."""
+    """Evaluate a plane by every calibration of a pair of devices, which took it alone or beside others."""
     rows, lacking = [], []
     for name, calibration in calibrations.items():
         if covers(name, calibration, phase, project):
             try:
                 rows.append(_by_itself(capture, phase, name, calibration, progress))
-            except NoCoordinateError as error:  # the depth method uses one, which a capture may lack
+            except NoCoordinateError as error:  # the depth method uses one, and a pair may need another
                 lacking += [InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json")]
-    if lacking and not rows:
+    if lacking and not rows and alone:
         with because_of({capture.name: (*capture.notes, *phase.notes)}):
             raise lacking[0]
     for one in lacking:
-        logging.getLogger(__name__).warning("%s: %s; not judged by it", one.where, one.seen)
+        by = "it" if alone else f"{phase.camera} and {phase.projector}"
+        logging.getLogger(__name__).warning("%s: %s; not judged by %s", one.where, one.seen, by)
     return rows
 
 

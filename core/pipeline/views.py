@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from core.errors import InputError
+from core.errors import InputError, NoCoordinateError
 from core.model import Capture, Figures, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
@@ -122,10 +122,20 @@ def joint_clouds(
     rays: Literal["all", "cameras"] = "all",
     progress: Progress = SILENT,
 ) -> dict[str, PointCloud]:
-    """Points of one capture from all that saw them, by camera, in the raster of each or of the one named."""
+    """Points of one capture from all that saw them, by camera, in the raster of each or of the one named.
+
+    A camera whose only axis tells no points has none; NoCoordinateError if there is no other.
+    """
     from core.reconstruct import intersect_all
 
     known = intersectable(phases, calibration)
     wanted = [name for name in dict.fromkeys(phase.camera for phase in known) if camera in ("", name)]
-    parts = zip(wanted, progress.parts(len(wanted)), strict=True)
-    return {each: intersect_all(known, calibration, each, rays=rays, progress=part) for each, part in parts}
+    clouds, refused = {}, None
+    for each, part in zip(wanted, progress.parts(len(wanted)), strict=True):
+        try:
+            clouds[each] = intersect_all(known, calibration, each, rays=rays, progress=part)
+        except NoCoordinateError as error:  # of one axis, that changes along no epipolar lines
+            refused = error
+    if refused and not clouds:
+        raise refused
+    return clouds

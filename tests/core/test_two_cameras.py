@@ -427,6 +427,26 @@ def test_a_camera_of_one_axis_keeps_no_other_pair_from_being_watched(
     assert main([*words, "--camera", "right"]) == 2
 
 
+def test_a_camera_of_rows_alone_keeps_no_other_from_points_and_planes(
+    project: Project, tmp_path: Path, edit_json, caplog: pytest.LogCaptureFixture
+) -> None:
+    """All devices stand side by side: rows do not change with depth, neither by the projector nor by the other."""
+    folder, out = copied(project.path, tmp_path / "project"), tmp_path / "figures.json"
+    edit_json(folder / "project.json", captures=["captures/plane+15"])
+    frames = json.loads((folder / "captures" / "plane+15" / "capture.json").read_text())["frames"]
+    left = [f for f in frames if (f["camera"], f["pattern"].get("axis")) != ("right", "x")]
+    edit_json(folder / "captures" / "plane+15" / "capture.json", frames=left)
+    assert main(["evaluate", str(folder), "--json", str(out)]) == 0
+    planes = json.loads(out.read_text())["planes"]
+    pairs = {(plane["camera"], plane["projector"]) for plane in planes}
+    assert pairs == {("left", "projector"), ("left", "all devices")}
+    assert all(plane["rms_mm"] == pytest.approx(plane["predicted_rms_mm"], rel=0.1) for plane in planes)
+    assert "hardly changes with depth on this rig; not judged by right and projector" in caplog.text
+    words = ["reconstruct", str(folder), "plane+15", "--out", str(tmp_path / "a.npz")]
+    assert main(words) == 0
+    assert main([*words, "--camera", "right"]) == 2
+
+
 def test_cameras_calibrated_elsewhere_need_no_projector(project: Project, tmp_path: Path, edit_json, capsys) -> None:
     """The projector of a stereo scanner labels places: planes are as flat as the noise of its labels lets them be."""
     stereo, folder = tmp_path / "stereo.yml", copied(project.path, tmp_path / "project")
