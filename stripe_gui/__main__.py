@@ -80,10 +80,10 @@ def display_problem(environment: Mapping[str, str], platform: str) -> str:
     wayland, x11 = environment.get("WAYLAND_DISPLAY", ""), environment.get("DISPLAY", "")
     if wayland and (Path(environment.get("XDG_RUNTIME_DIR", "/")) / wayland).exists():
         return ""
-    if not x11:
+    if not (x11 or wayland):
         return "there is no display (DISPLAY and WAYLAND_DISPLAY are not set)" + elsewhere
-    if not _x11_answers(x11):
-        return f"the display {x11!r} does not answer" + elsewhere
+    if not x11 or not _x11_answers(x11):
+        return f"the display {x11 or wayland!r} does not answer" + elsewhere
     return ""
 
 

@@ -42,6 +42,7 @@ def test_without_a_display_the_program_points_to_the_command() -> None:
 @pytest.mark.parametrize("display", [":4711", "nowhere.invalid:0", "nonsense"])
 def test_a_display_that_does_not_answer_is_told(display: str) -> None:
     assert "does not answer" in display_problem({"DISPLAY": display}, "linux")
+    assert "does not answer" in display_problem({"WAYLAND_DISPLAY": "nowhere"}, "linux")
 
 
 def test_other_systems_and_a_chosen_platform_are_not_looked_at() -> None:
