@@ -146,6 +146,9 @@ def _axis(
         text = f"{_place(plan, fit.shots[j])} claims {describe(plan.shots[fit.shots[j]])} and shows {shown}"
     else:
         text = f"frames across {along} contradict each other in {share:.1%} of the pixels"
+        if share <= SHARE and place is None:
+            names = ", ".join(f"{_place(plan, fit.shots[j])} ({describe(plan.shots[fit.shots[j]])})" for j in culprits)
+            text = f"frames across {along} do not show what they claim: {names}"
         text += f", most of all {place}" if place else ""
     return Finding("identity", "bad", text, figures, tuple(fit.shots[j] for j in culprits))
 

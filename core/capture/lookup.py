@@ -182,11 +182,17 @@ def _denied(clear: NDArray[np.bool_], agrees: NDArray[np.bool_]) -> tuple[bool, 
 
 
 def _unlike(seen: Array, expected: Array, tolerance: Array, sure: NDArray[np.bool_]) -> tuple[bool, bool]:
-    """Whether enough pixels should vary and the frame does not with them; by medians, as some words are wrong."""
+    """Whether enough pixels should vary and the frame does not with them; by medians, as some words are wrong.
+
+    An image may be sharper than any that is looked up: brighter where it should be bright, darker where dark.
+    """
     if np.count_nonzero(sure) < ENOUGH:
         return False, False
     own, noise = expected[sure], median_of(tolerance[sure]) + 0.03
     spread = median_of(np.abs(own - median_of(own)))
     if spread < 2 * noise:
         return False, False
-    return True, median_of(np.abs(seen[sure] - own)) > UNLIKE * spread + noise
+    off, side = seen[sure] - own, np.sign(own - 0.5)
+    if float(np.mean((seen[sure] - 0.5) * side > -noise)) > AGREEMENT:
+        off = np.where(off * side > 0, 0.0, off)
+    return True, median_of(np.abs(off)) > UNLIKE * spread + noise
