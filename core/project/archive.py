@@ -82,7 +82,10 @@ def read_head(path: Path) -> dict[str, Any]:
 def _opened(path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
     """Open an archive; what is wrong with it, or with what is made of it inside, is told."""
     try:
-        with regular(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        with regular(path).open("rb") as file:
+            if file.read(2) != b"PK":  # numpy would offer to run what is in it
+                raise ValueError("no archive")
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             head = json.loads(str(stored["tree"]))
             if not isinstance(head, dict) or "value" not in head:
                 raise ValueError("no result")

@@ -368,6 +368,13 @@ def test_a_foreign_archive_is_told(tmp_path: Path, tree: str) -> None:
         load_archive(path, PhaseMap)
 
 
+def test_what_is_no_archive_is_not_said_to_hold_anything(tmp_path: Path) -> None:
+    for start in (b"\x80\x04", b"", b"\x93NUMPY"):
+        (tmp_path / "result.npz").write_bytes(start + b"a" * 90)
+        with pytest.raises(InputError, match=r"result\.npz: damaged \(no archive\)"):
+            load_archive(tmp_path / "result.npz", PhaseMap)
+
+
 def test_an_archive_with_an_unknown_compression_is_told(tmp_path: Path) -> None:
     path = tmp_path / "result.npz"
     np.savez(path, tree=np.array("{}"))
