@@ -69,6 +69,16 @@ def test_work_that_fails_names_the_captures_of_which_nothing_was_measured_and_wh
         raise AdjustmentError("the network", "singular", "add poses")
 
 
+def test_boards_that_show_no_dot_as_it_should_be_say_what_may_have_become_of_the_frames() -> None:
+    none = np.zeros(0, np.int64), np.zeros(0, np.int64), *(np.zeros((0, 2)) for _ in range(6))
+    for why, hint in (
+        ("it is uneven inside: glare", "sharpened by the camera"),
+        ("its contour is open", "diameter_mm"),
+    ):
+        (told,) = notes_of([TargetSet("board", *none, missing=(MissingTarget(0, 0, why),))])["board"]
+        assert hint in told
+
+
 @pytest.mark.parametrize(("note", "told"), [(TONE, []), (COMPRESSED, ["board: The frames were compressed"])])
 def test_what_was_taken_out_of_the_frames_leaves_no_result_in_doubt(note: str, told: list[str]) -> None:
     none = np.zeros(0, np.int64), np.zeros(0, np.int64), *(np.zeros((0, 2)) for _ in range(6))
