@@ -123,6 +123,9 @@ def _largest(effect: Array, chosen: NDArray[np.bool_]) -> list[int]:
     return [k for k in picked if effect[k] >= 0.1 * effect[picked[0]]]
 
 
+LOOK = "look for wrong picks or identities, frames turned or mirrored, a moved device, or wrong patterns"
+
+
 class UndeterminedError(AdjustmentError):
     """Parameters cannot be estimated from these images."""
 
@@ -132,7 +135,7 @@ def contradicted_error(error: UndeterminedError, ratio: float) -> AdjustmentErro
     return AdjustmentError(
         error.where,
         f"its images contradict each other: residuals are {ratio:.3g} times what their sigmas allow, and {error.seen}",
-        "look for wrong picks or identities, frames turned or mirrored, a moved device, or wrong patterns",
+        LOOK,
     )
 
 
@@ -157,6 +160,10 @@ def singular_error(network: Network, problem: Problem, state: State, error: Sing
         worst = _largest(effect, effect > 0)
         return _not_estimable([names[k] for k in worst], remedies[worst[0]], "the normal equations are singular")
     lost = [int(i) for i in np.argsort(-shift) if shift[i] > 0.3 * shift.max()]
+    if not lost:  # no number is left
+        return AdjustmentError(
+            "the network", "its images contradict each other: no adjustment leads to any place", LOOK
+        )
     if problem.by_points:
         return _loose_stations(network, problem, lost)
     return _loose_points([network.point_names[i] for i in lost])

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from core.calibrate import AdjustOptions, adjust
+from core.calibrate.initial import initial_state
+from core.calibrate.normals import SingularNormalsError
+from core.calibrate.problem import problem_of
 from core.calibrate.solve import settled
-from core.calibrate.weakness import UndeterminedError
+from core.calibrate.weakness import UndeterminedError, singular_error
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_axis_angle
 from core.model import Interior, NetworkScale
@@ -226,6 +229,16 @@ def test_images_that_contradict_each_other_are_told_from_weak_geometry(ratio: fl
         "its images contradict each other: residuals are 40 times what their sigmas allow, and c cannot be estimated"
     )
     assert (words in told, "roll the camera" in told) == (contradict, not contradict)
+
+
+def test_an_adjustment_that_leaves_all_numbers_names_no_point(simulate):
+    network = simulate(use=("camera",), poses=6, rows=5, cols=7).network
+    problem = problem_of(network)
+    state = initial_state(network, problem)
+    nowhere = replace(state, xyz=np.nan * state.xyz)
+    direction = np.ones(problem.globals + state.xyz.size)
+    told = str(singular_error(network, problem, nowhere, SingularNormalsError(direction=direction)))
+    assert told.startswith("the network: its images contradict each other")
 
 
 def test_rejecting_does_not_use_up_the_redundancy(simulate):
