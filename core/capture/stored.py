@@ -44,6 +44,7 @@ LEAST_OF_PLANE = 0.3  # share of the pixels by which a plane is found
 DRAWS = (60, 300, 300, 300)  # of five pixels: for the only plane, and for those that may be lit behind a board
 WRONG_HAND = 0.5
 MOVED_PX = 0.5
+UNLIKE = 0.7  # of the difference that putting back what moved leaves; of bare boards at rest 0.79 and more, by 300
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
 ALL_ROUND = 0.3  # mean of phases as unit vectors: some periods are seen
@@ -341,9 +342,14 @@ def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
     if abs(gain - 1) > DRIFT:
         text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
         return [Finding("lamp", "warning", text, {"drift": gain - 1})]
-    shift, response = cv2.phaseCorrelate(_texture(a), _texture(b), _window(side))
+    one, other, window = _texture(a), _texture(b), _window(side)
+    shift, response = cv2.phaseCorrelate(one, other, window)
     moved = float(np.hypot(*np.multiply(shift, images[0].shape[::-1]))) / side
-    if moved > MOVED_PX and response > MOVED_RESPONSE:
+    if moved <= MOVED_PX or response <= MOVED_RESPONSE:
+        return []
+    back = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
+    beside = cv2.warpAffine(other, back, (side, side), borderMode=cv2.BORDER_REPLICATE)
+    if np.sum(window * (one - beside) ** 2) < UNLIKE * np.sum(window * (one - other) ** 2):
         text = f"the scene moved by {moved:.1f} px between the frames of columns and of rows: fasten all, record again"
         return [Finding("movement", "bad", text, {"shift_px": moved, "response": float(response)})]
     return []

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 import pytest
 
+from core.bench import experiment
 from core.capture.exchanged import exchanged_frames
 from core.capture.importing import _verified
 from core.capture.plan import Plan
@@ -253,6 +254,13 @@ def test_movement_is_told_at_odd_sizes_too(shift: int, words: str, taken: tuple[
     moved = [np.roll(i, rows, 0)[8:143, 8:233].copy() for i, rows in zip(images, by, strict=True)]
     found = told(patterns, moved)
     assert re.search(words, found) if words else not found, found
+
+
+def test_a_bare_plane_at_rest_has_not_moved() -> None:
+    """Where its light ends rows and columns differ: the correlation of nothing else has its peak 0.9 px off."""
+    view = experiment("many", 101).lights["lamp"].views["left"]
+    patterns, images = zip(*view.take(view.shot("plane+00")), strict=True)
+    assert told(list(patterns), list(images), role="plane") == ""
 
 
 @pytest.mark.parametrize(
