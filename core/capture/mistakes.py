@@ -74,9 +74,10 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
     levelled = _levelled(looked)
     if levelled is not None and contradicting(levelled, looked.patterns, looked, FEW) <= most:
         why = (
-            "they fit if every frame has a level and gain of its own: switch automatic exposure and gain off, and lamps"
+            ": they fit if every frame has a level and gain of its own: switch off automatic exposure and gain, and "
+            "lamps of the room"
         )
-        return Note(f": {why} of the room", "mistake"), None
+        return Note(why, "mistake"), None
     if shown:
         _, name, j = min(shown)
         twins = [k for k, p in enumerate(looked.patterns) if describe(p) == name]

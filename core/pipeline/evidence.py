@@ -54,7 +54,7 @@ def notes_of(sets: Sequence[TargetSet]) -> dict[str, list[str]]:
             why = t.missing[0].reason
             # dots of another size are cut in the middle, or reach into each other
             why = f"{why}; look at diameter_mm in its testfield file, too" if "contour" in why else why
-            why = f"{why}, or sharpened by the camera" if "uneven inside" in why else why
+            why = f"{why}, or sharpened by the camera" if "uneven" in why else why
             own.append(f"none of its targets was measured: {why}")
     return notes
 
