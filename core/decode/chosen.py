@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from core.decode.frames import Image
 from core.decode.tables import Array, Singles
+from core.numerics import quantile_of
 
 SAMPLE = 4096  # pixels; the variance of one residual each is then known to 2 %
 UNLIKE = 0.06  # by which a neighbour in the next row is oftener noisier than less noisy: of 1.1 times the noise
+LIT = 0.3  # part of the contrast of the clearest stripes, from which a pixel sees them
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 
 
@@ -28,6 +30,31 @@ def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
     across = min(step, 4)  # neighbours share cache lines: rather fewer rows
     down = max(1, min(height // 16, step * step // across))
     return slice(down // 2, None, down), slice(None, None, across)
+
+
+def of_lit(
+    sample: Singles, images: Sequence[Image], light: Array | None, stripes: Sequence[int]
+) -> tuple[Singles, Array]:
+    """The sample and where its pixels lie, x and y from -1 to 1, (2, n); where few of it see the stripes that some
+    frames show, as of a board of white dots, with more pixels that do."""
+    (height, width), (down, across) = images[0].shape, spread(images[0].shape)
+    grid = np.meshgrid(np.arange(height)[down], np.arange(width)[across], indexing="ij")
+    rows, columns = (each.ravel() for each in grid)
+    swing = np.ptp(sample[stripes], axis=0)
+    limit = LIT * quantile_of(swing, 0.99)
+    number = int(np.count_nonzero(swing > limit))
+    if number < SAMPLE // 2:
+        step = max(1, number * height * width // (swing.size * SAMPLE))
+        every = max(1, int(np.sqrt(step)))
+        down, across = slice(None, None, -(-step // every)), slice(None, None, every)
+        seen = np.stack([images[n][down, across] for n in stripes])
+        there = np.nonzero(seen.max(axis=0).astype(np.float32) - seen.min(axis=0) > limit)
+        below, right = (part.step * at for part, at in zip((down, across), there, strict=True))
+        more = np.stack([image[below, right] for image in images]).astype(np.float32)
+        more = more if light is None else np.einsum("fg,gn->fn", light.astype(np.float32), more)
+        sample = np.concatenate([sample, more], axis=1)
+        rows, columns = np.concatenate([rows, below]), np.concatenate([columns, right])
+    return sample, np.stack([middles(columns, width), middles(rows, height)])
 
 
 def middles(pixels: NDArray[np.intp], size: int) -> Array:

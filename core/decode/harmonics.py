@@ -138,11 +138,16 @@ def _blurred(rows: Array, turns: Array | float) -> Array:
 
 
 def measure_bend(
-    table: AxisTable, waves: Sequence[SquareWave], sample: Singles, across: int, noise: Noise, saturation: float
+    table: AxisTable,
+    waves: Sequence[SquareWave],
+    sample: Singles,
+    places: Array,
+    noise: Noise,
+    saturation: float,
 ) -> AxisTable:
     """Set how the phase of every square wave is straightened, and how uncertain that is.
 
-    From a sample (frames, n) of the grey values, `across` pixels in a row of the image; from `saturation` on a step
+    From a sample (frames, n) of the grey values, at x and y from -1 to 1, `places` (2, n); from `saturation` on a step
     tells nothing.
     """
     if not waves:
@@ -150,8 +155,8 @@ def measure_bend(
     threshold, contrast = islice(sums_of(table.rows, sample), 2)
     bends = table.bend if len(table.bend) else np.repeat(STRAIGHT[None], len(table.period), axis=0)
     bends = np.repeat(bends, len(NOISES), axis=1)
-    row, column = np.divmod(np.arange(sample.shape[1]), across)
-    block = (row * PARTS // (row[-1] + 1) * PARTS + column * PARTS // across).astype(np.int8)
+    column, row = np.minimum(((places + 1) * (PARTS / 2)).astype(np.int8), PARTS - 1)
+    block = row * np.int8(PARTS) + column
     fields = table.rows.column[: table.rows.first[2]]
     cut = np.any(sample[fields] >= saturation, axis=0)  # white is saturated before the steps
     for wave in waves:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.balance import balance
-from core.decode.chosen import spread, take_sample
+from core.decode.chosen import of_lit, take_sample
 from core.decode.fitting import estimate_response
 from core.decode.flicker import steady
 from core.decode.frames import Image, SortedFrames, sort_frames
@@ -117,11 +117,12 @@ def measure(
         for table, axis in zip(tables, AXES, strict=True)
     )
     tables = (x, y)
-    across = len(range(*spread(images[0].shape)[1].indices(images[0].shape[1])))
-    x, y = (
-        measure_bend(
-            measure_fading(balance(table, sample, noise), sample, noise), squares, sample, across, noise, saturation
+    x, y = (measure_fading(balance(table, sample, noise), sample, noise) for table in tables)
+    tables = (x, y)
+    if any(sequence.squares):
+        lit, places = of_lit(sample, images, light, [int(n) for table in tables for n in table.phase_frames])
+        x, y = (
+            measure_bend(table, squares, lit, places, noise, saturation)
+            for table, squares in zip(tables, sequence.squares, strict=True)
         )
-        for table, squares in zip(tables, sequence.squares, strict=True)
-    )
     return Seen(limits_of(noise, saturation, options, (x, y)), (x, y), response, light, sample, camera)
