@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from core.pipeline.orient import orient_capture as orient_capture
     from core.pipeline.orient import orient_pairs as orient_pairs
     from core.pipeline.orient_known import parse_length as parse_length
+    from core.pipeline.orient_rig import are_together as are_together
     from core.pipeline.orient_rig import correct_together as correct_together
     from core.pipeline.orient_rig import together_figures as together_figures
     from core.pipeline.orient_rig import together_words as together_words
@@ -117,7 +118,7 @@ _HOMES = {
     "core.pipeline.options": "CalibrateOptions",
     "core.pipeline.orient": "drift_of orient_capture orient_pairs",
     "core.pipeline.orient_known": "parse_length",
-    "core.pipeline.orient_rig": "correct_together together_figures together_words",
+    "core.pipeline.orient_rig": "are_together correct_together together_figures together_words",
     "core.pipeline.orient_words": "drift_figures drift_words motion_words motions_figures",
     "core.pipeline.picking": "accept_guesses guess_picks",
     "core.pipeline.reconstruct": "check_cloud reconstruct_capture write_cloud",

@@ -15,6 +15,11 @@ from core.project import load_archive, save_archive
 TOGETHER = ".all.npz"  # what the names of these results end in
 
 
+def are_together(project: Project, name: str) -> bool:
+    """Whether three calibrated devices took part in a capture, which `correct_together` corrects."""
+    return bool(_together(Look(project, find_capture(project, name), photogrammetric_calibration(project))))
+
+
 def correct_together(project: Project, name: str, progress: Progress = SILENT) -> RigCorrection | None:
     """Correct and keep the orientations of all devices of a capture; None if it has not three that are calibrated.
 
@@ -24,8 +29,7 @@ def correct_together(project: Project, name: str, progress: Progress = SILENT) -
 
     calibration = photogrammetric_calibration(project)
     look = Look(project, find_capture(project, name), calibration)
-    pairs = [pair for pair in look.pairs if set(pair) <= set(calibration.devices)]
-    if len({device for pair in pairs for device in pair}) < 3:
+    if not (pairs := _together(look)):
         return None
     parts = zip(pairs, progress.part(0.0, 0.5).parts(len(pairs)), strict=True)
     seen = {pair: look.phase(look.series(*pair), part) for pair, part in parts}
@@ -79,6 +83,12 @@ def together_figures(found: RigCorrection) -> Figures:
         }
         for i, name in enumerate(found.devices)
     }
+
+
+def _together(look: Look) -> list[tuple[str, str]]:
+    """Pairs of calibrated devices, if these are three or more."""
+    pairs = [pair for pair in look.pairs if set(pair) <= set(look.calibration.devices)]
+    return pairs if len({device for pair in pairs for device in pair}) > 2 else []
 
 
 def _kept(project: Project, capture: Capture) -> Path:

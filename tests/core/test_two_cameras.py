@@ -402,6 +402,19 @@ def test_every_pair_is_watched(project: Project, tmp_path: Path) -> None:
     assert np.load(tmp_path / "left.npz")["xyz"].shape[:2] == (project.camera.height, project.camera.width)
 
 
+def test_a_pair_that_alone_is_calibrated_is_corrected_alone(project: Project, tmp_path: Path) -> None:
+    """What `orient --correct` had kept of the pair was asked for again, as of all devices."""
+    folder, other, out = copied(project.path, tmp_path / "project"), tmp_path / "left.yml", tmp_path / "a.npz"
+    named = ["--camera", "left", "--projector", "projector"]
+    assert main(["export", str(project.path), "--to", "opencv", str(other), *named]) == 0
+    assert main(["import", str(other), "--from", "opencv", str(folder), *named]) == 0
+    words = ["reconstruct", str(folder), "plane+15", "--orient", "--out", str(out)]
+    assert main(words) == 2  # nothing is kept yet
+    assert main(["orient", str(folder), "plane+15", "--correct"]) == 0
+    assert main(words) == 0
+    assert flatness(out)[1] == pytest.approx(1.0, abs=0.15)
+
+
 def test_rays_of_all_are_the_default_of_what_knows_all_devices(project: Project, monkeypatch) -> None:
     """A calibration of one camera with one projector stays what it is for where it alone is in use."""
     assert seen_by_several(project, "plane+15")

@@ -169,9 +169,10 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     pipeline.check_cloud(options.out)
     project = options.project
     one_pair = options.projector or (options.method and not pipeline.METHODS[options.method].joint)
-    rays: Any = options.rays or (
-        "all" if not one_pair and pipeline.seen_by_several(project, options.capture) else "pair"
-    )
+    several = not one_pair and pipeline.seen_by_several(project, options.capture)
+    if several and options.orient:  # two that are calibrated are corrected as a pair
+        several = pipeline.are_together(project, options.capture)
+    rays: Any = options.rays or ("all" if several else "pair")
     if options.fill and rays == "pair":
         raise InputError("--fill texture", "matches between cameras", "give a capture by several cameras, and all rays")
     if rays != "pair":
