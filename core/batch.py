@@ -328,8 +328,9 @@ def _client(scheduler: str) -> Client:
         ) from error
     try:
         return Client(scheduler, timeout=_ANSWER_S)
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError("--scheduler", f"{scheduler!r} does not answer", "start it, or mend its address") from error
+    except (OSError, ValueError, TypeError, RuntimeError) as error:  # the latter of encryption that Dask requires
+        remedy = "start it, or mend its address, or the certificates in Dask's configuration"
+        raise InputError("--scheduler", f"{scheduler!r} does not answer", remedy) from error
 
 
 def _by_scheduler(client: Client, jobs: Sequence[Job], progress: Progress) -> Generator[Outcome]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dask import config
 
 from core.atomic import part_prefix
 from core.batch import Outcome, run_batch
@@ -30,17 +31,25 @@ def summary(out: Path) -> dict[str, dict[str, Any]]:
     return {row["capture"]: row for row in json.loads((out / "summary.json").read_text())["captures"]}
 
 
+CERTIFICATE = str(Path(__file__).with_name("tls.pem"))
+TLS = {
+    "DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true",
+    "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": CERTIFICATE,
+    **{f"DASK_DISTRIBUTED__COMM__TLS__{role}__CERT": CERTIFICATE for role in ("SCHEDULER", "WORKER", "CLIENT")},
+}
+
+
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A Dask scheduler with one worker, each a process of its own, as on a cluster."""
+    """A Dask scheduler with one worker, each a process of its own, as on a cluster; all speak TLS."""
     place = tmp_path_factory.mktemp("scheduler")
-    address_file, there = place / "scheduler.json", {**os.environ, "DASK_TEMPORARY_DIRECTORY": str(place)}
+    address_file, there = place / "scheduler.json", {**os.environ, **TLS, "DASK_TEMPORARY_DIRECTORY": str(place)}
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker"]
     address = ["--scheduler-file", str(address_file)]
     started = [
         subprocess.Popen(
-            [*dask, "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0", *address], env=there
+            [*dask, "--protocol", "tls", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", *address], env=there
         ),
         subprocess.Popen([*worker, "--nthreads", "2", "--no-nanny", "--no-dashboard", *address], env=there),
     ]
@@ -48,7 +57,8 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         until = time.monotonic() + 60
         while not address_file.exists() and time.monotonic() < until:
             time.sleep(0.1)
-        yield json.loads(address_file.read_text())["address"]
+        with config.set(config.collect_env(TLS)):
+            yield json.loads(address_file.read_text())["address"]
     finally:
         for process in reversed(started):
             process.terminate()
