@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from core.errors import InputError
+from core.errors import InputError, listed
 from core.model import Capture, Figures, PhotogrammetricCalibration, Project, RigCorrection
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.folders import find_capture, result_path
@@ -59,7 +59,12 @@ def oriented_together(
 def together_words(found: RigCorrection) -> list[str]:
     """Say how the devices have moved."""
     base = next(iter(found.calibration.orientations.values())).base
-    lines = [f"{found.capture}: all devices together, against {base}, by {len(found.pairs)} pairs"]
+    shown, pairs = [*dict.fromkeys(name for pair in found.pairs for name in pair)], len(found.pairs)
+    lines = [f"{found.capture}: {listed(shown)} together, against {base}, by {pairs} pair{'s' * (pairs > 1)}"]
+    if base not in shown:
+        lines.append(
+            f"{base} shows nothing: how all of them stand to it is known by the calibration and likely drifts alone"
+        )
     figures = together_figures(found)
 
     def three(name: str, key: str, sigma: str, scale: float = 1.0) -> str:

@@ -12,6 +12,7 @@ from core.errors import TooLittleSeenError
 from core.geometry import Pose, calibration_of, changed, project, ray_directions, rotation_vector_from_matrix
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
 from core.orient import OrientOptions, correct_rig, find_motion
+from core.pipeline import together_words
 from core.reconstruct import seen_by_other
 
 CAMERA, PROJECTOR = DeviceSpec(120, 96, (0.05, 0.05), 12.0), DeviceSpec(640, 640, (0.09, 0.09), 180.0)
@@ -133,7 +134,11 @@ def test_one_device_that_turned_is_told_from_those_at_rest() -> None:
 def test_pairs_that_see_too_little_are_left_out() -> None:
     known, seen = calibration(), seen_by(calibration(), np.random.default_rng(6))
     dark = {pair: replace(phase, v=np.full_like(phase.v, np.nan)) for pair, phase in seen.items()}
-    pair = ("left", "projector")
-    assert correct_rig({**dark, pair: seen[pair]}, known).pairs == (pair,)
+    for pair in (("left", "projector"), ("right", "top")):
+        found = correct_rig({**dark, pair: seen[pair]}, known)
+        assert found.pairs == (pair,)
+        told = together_words(found)  # of the two, and of the camera that all refer to where it shows nothing
+        assert told[0] == f"capture: {pair[0]}, {pair[1]} together, against left, by 1 pair"
+        assert told[1].startswith("left shows nothing") is ("left" not in pair)
     with pytest.raises(TooLittleSeenError):
         correct_rig(dark, known)
