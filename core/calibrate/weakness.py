@@ -162,7 +162,7 @@ def singular_error(network: Network, problem: Problem, state: State, error: Sing
     lost = [int(i) for i in np.argsort(-shift) if shift[i] > 0.3 * shift.max()]
     if not lost:  # no number is left
         return AdjustmentError(
-            "the network", "its images contradict each other: no adjustment leads to any place", LOOK
+            "the network", "its images contradict each other: no adjustment has a finite solution", LOOK
         )
     if problem.by_points:
         return _loose_stations(network, problem, lost)

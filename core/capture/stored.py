@@ -155,8 +155,10 @@ def _light(sampled: Sampled, board: bool) -> list[Finding]:
         (float(np.mean(full[dots])) if board else 0.0, SATURATED_DOTS, "bright"),
     ):
         if share > most:
-            remedy = "shorten the exposure or close the aperture, and record again"
-            text = f"{share:.0%} of the {what} pixels are saturated: {remedy}"
+            text = (
+                f"{share:.0%} of the {what} pixels are saturated: shorten the exposure or close the aperture, and "
+                "record again"
+            )
             return [Finding("saturation", "warning", text, {"saturated": share})]
     return []
 

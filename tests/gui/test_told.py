@@ -23,8 +23,8 @@ pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_known pipelin
 pipeline/volumes calibrate/adjust calibrate/solve calibrate/columns calibrate/depth calibrate/depth_camera
 calibrate/groups calibrate/held calibrate/next_pose calibrate/photogrammetric calibrate/rigid calibrate/selection
 calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/* measure/kinds/* orient/motion exchange/pinhole
-capture/fitness capture/quality capture/identity capture/mistakes capture/preflight report/words report/numbers
-report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
+capture/fitness capture/stored capture/pixels capture/quality capture/identity capture/mistakes capture/preflight
+report/words report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
 """
 # calls that show no reason
 REFUSED = re.compile(r"Error$|^(_refuse|progress|picked|re\.compile|getLogger)|warning$|\.over$|\.part$")
@@ -38,6 +38,8 @@ NOT_TOLD = {
     # pieces of what is translated as a whole
     "{} has the same targets as {}, to half of their sigma: one capture measured ",
     "{}twice; take one out",
+    *("claims black", "claims {} and is {}"),
+    " the same{}: correct exposure_ms in capture.json, or put the frames in order",
 }
 
 
