@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from core.errors import InputError, NoCoordinateError
+from core.errors import InputError
 from core.model import Capture, Figures, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
@@ -126,16 +126,8 @@ def joint_clouds(
 
     A camera whose only axis tells no points has none; NoCoordinateError if there is no other.
     """
-    from core.reconstruct import intersect_all
+    from core.reconstruct import intersect_each
 
     known = intersectable(phases, calibration)
     wanted = [name for name in dict.fromkeys(phase.camera for phase in known) if camera in ("", name)]
-    clouds, refused = {}, None
-    for each, part in zip(wanted, progress.parts(len(wanted)), strict=True):
-        try:
-            clouds[each] = intersect_all(known, calibration, each, rays=rays, progress=part)
-        except NoCoordinateError as error:  # of one axis, that changes along no epipolar lines
-            refused = error
-    if refused and not clouds:
-        raise refused
-    return clouds
+    return intersect_each(known, calibration, wanted, rays=rays, progress=progress)

@@ -19,12 +19,12 @@ u and v, which carry the phase noise, say how far along.
 
 from core.reconstruct.correspondence import seen_by_other
 from core.reconstruct.export import EXPORTERS, exporter_for, write_npz, write_ply
-from core.reconstruct.joint import Sight, intersect_all, merged
+from core.reconstruct.joint import Sight, intersect_all, intersect_each, merged
 from core.reconstruct.points import reconstruct
 from core.reconstruct.stations import at_stations, joined
 from core.reconstruct.texture import fill_by_texture
 
 __all__ = [
-    "EXPORTERS", "Sight", "at_stations", "exporter_for", "fill_by_texture", "intersect_all", "joined", "merged",
-    "reconstruct", "seen_by_other", "write_npz", "write_ply",
+    "EXPORTERS", "Sight", "at_stations", "exporter_for", "fill_by_texture", "intersect_all", "intersect_each",
+    "joined", "merged", "reconstruct", "seen_by_other", "write_npz", "write_ply",
 ]  # fmt: skip

@@ -256,6 +256,30 @@ def intersect_all(
     return PointCloud(xyz, sigma, depth, told)
 
 
+def intersect_each(
+    phases: Sequence[PhaseMap],
+    calibration: PhotogrammetricCalibration,
+    cameras: Sequence[str],
+    *,
+    rays: Literal["all", "cameras"] = "all",
+    along: Literal["camera", "base"] = "camera",
+    progress: Progress = SILENT,
+) -> dict[str, PointCloud]:
+    """Points of several cameras by `intersect_all`, by camera.
+
+    A camera whose frames tell no points has none; NoCoordinateError if there is no other.
+    """
+    clouds, refused = {}, None
+    for each, part in zip(cameras, progress.parts(len(cameras)), strict=True):
+        try:
+            clouds[each] = intersect_all(phases, calibration, each, rays=rays, along=along, progress=part)
+        except NoCoordinateError as error:  # of one axis, that changes along no epipolar lines, or in the dark
+            refused = error
+    if refused and not clouds:
+        raise refused
+    return clouds
+
+
 def _starts(scene: Scene, own: Sequence[PhaseMap], calibration: PhotogrammetricCalibration, lit: bool) -> list[Array]:
     """Inverse depths (H, W) of a camera's pixels by each calibrated projector, or by each other camera.
 

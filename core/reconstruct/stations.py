@@ -20,7 +20,7 @@ from core.model import (
     Registration,
 )
 from core.progress import SILENT, Progress
-from core.reconstruct.joint import each_once, in_one_frame, intersect_all
+from core.reconstruct.joint import each_once, in_one_frame, intersect_each
 from core.reconstruct.overlaps import Seen, averaged
 from core.reconstruct.placed import moved, placed
 
@@ -99,10 +99,11 @@ def joined(
         progress(k / len(stations), f"intersecting {station}")
         there = [replace(p, camera=device_at(p.camera, k), projector=device_at(p.projector, k)) for p in own]
         seen = {phase.camera: phase for phase in there}
-        clouds = each_once({name: intersect_all(there, calibration, name, along="base") for name in seen})
+        clouds = each_once(intersect_each(there, calibration, [*seen], along="base"))
         views += [Seen(cloud, devices[name], k) for name, cloud in clouds.items()]
-        images += [phase.image for phase in seen.values()]
-        names += [(camera, station) for camera in dict.fromkeys(p.camera for p in own)]
+        images += [seen[name].image for name in clouds]
+        of = {device_at(p.camera, k): p.camera for p in own}
+        names += [(of[name], station) for name in clouds]
     means = zip(views, averaged(views), images, strict=True)
     cloud, image = in_one_frame((view.camera, mean, made, image) for view, (mean, made), image in means)
     assert cloud.source is not None

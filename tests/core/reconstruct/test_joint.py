@@ -11,8 +11,16 @@ import pytest
 
 from core.errors import InputError, NoCoordinateError
 from core.geometry import Pose, matrix_from_rotation_vector
-from core.model import AdjustedDevice, DeviceSpec, Interior, Orientation, PhaseMap, PhotogrammetricCalibration
-from core.reconstruct import Sight, intersect_all, merged, reconstruct
+from core.model import (
+    AdjustedDevice,
+    DeviceSpec,
+    Interior,
+    Orientation,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    Registration,
+)
+from core.reconstruct import Sight, at_stations, intersect_all, joined, merged, reconstruct
 from core.reconstruct.joint import Scene, View, by_calibration
 from core.reconstruct.labels import labels_of
 from core.reconstruct.placed import moved, placed
@@ -183,6 +191,21 @@ def test_a_camera_whose_axis_tells_nothing_by_the_projector_has_its_points_by_ot
     assert own.mean() > 0.7
     error = depth_errors(cloud, places["top"], [plane])[own] / cloud.sigma_depth_mm[own]
     assert np.sqrt(np.mean(error**2)) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_camera_in_the_dark_keeps_no_others_from_being_joined() -> None:
+    """Of two captures of the same plane by the same rig; in the second one camera saw no light."""
+    found, (left, right) = calibration(), captures([plane])
+    dark = replace(right, **dict.fromkeys(("u", "v", "sigma_u", "sigma_v"), np.full_like(right.u, np.nan)))
+    k = len(found.covariance)
+    still = Registration(("a", "b"), (Pose(), Pose()), np.zeros((6, 6)), np.zeros((6, k)), ())
+    cloud, image, sources = joined([[left, right], [left, dark]], ["a", "b"], at_stations(found, still, "left"))
+    assert cloud.xyz_mm.shape[1] == image.shape[1] > 0.8 * left.u.size
+    assert "right" in {name for cameras, _ in sources for name in cameras.split(" + ")}
+    off = cloud.xyz_mm[0] @ LEFT.R @ [0.15, -0.1, 1.0] + LEFT.centre @ [0.15, -0.1, 1.0]
+    assert np.sqrt(np.mean(off**2)) < 0.3
+    with pytest.raises(NoCoordinateError):
+        joined([[left, right], [dark, dark]], ["a", "b"], at_stations(found, still, "left"))
 
 
 def test_hidden_places_are_told_from_rays_that_miss() -> None:
