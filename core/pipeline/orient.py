@@ -215,7 +215,8 @@ def orient_pairs(
     if not pairs or (lengths and len({pair[0] for pair in pairs}) > 1):
         one_series(look.capture, camera, projector)  # places are in one camera's image
     found: list[RigMotion] = []
-    there = [pair for pair in pairs if set(pair) <= set(calibration.devices) or knows(calibration, *pair)]
+    there = [pair for pair in pairs if set(pair) <= set(calibration.devices)]
+    there = there or [pair for pair in pairs if knows(calibration, *pair)]  # an only one may have another name
     known_pairs = there or pairs[:1]  # of which what lacks is said
     because = f"the calibration in use is of {', '.join(calibration.devices)} alone"
     untold = {pair: because for pair in pairs if pair not in known_pairs} if calibration.projectors else {}

@@ -415,6 +415,24 @@ def test_a_pair_that_alone_is_calibrated_is_corrected_alone(project: Project, tm
     assert flatness(out)[1] == pytest.approx(1.0, abs=0.15)
 
 
+def test_no_device_is_held_against_the_calibration_of_another(project: Project, tmp_path: Path, edit_json) -> None:
+    """A camera beside the calibrated one, whose name was "camera", was taken for it: it had moved by 0.2 m."""
+    folder, other, out = copied(project.path, tmp_path / "project"), tmp_path / "left.yml", tmp_path / "a.json"
+    named = ["--projector", "projector", "--camera"]
+    assert main(["export", str(project.path), "--to", "opencv", str(other), *named, "left"]) == 0
+    edit_json(folder / "project.json", captures=["captures/plane+15"])
+    for file in (folder / "project.json", folder / "captures" / "plane+15" / "capture.json"):
+        file.write_text(file.read_text().replace('"left"', '"camera"'))
+    assert main(["import", str(other), "--from", "opencv", str(folder), *named, "camera"]) == 0
+    assert main(["orient", str(folder), "plane+15", "--json", str(out)]) == 0
+    figures = json.loads(out.read_text())
+    assert set(figures["untold"]) == {"right-projector"}
+    assert figures["moved"] is False
+    assert main(["evaluate", str(folder), "--json", str(out)]) == 0
+    planes = json.loads(out.read_text())["planes"]
+    assert {plane.get("camera", "camera") for plane in planes} == {"camera"}
+
+
 def test_rays_of_all_are_the_default_of_what_knows_all_devices(project: Project, monkeypatch) -> None:
     """A calibration of one camera with one projector stays what it is for where it alone is in use."""
     assert seen_by_several(project, "plane+15")
