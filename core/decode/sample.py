@@ -248,6 +248,8 @@ def _without_misfit(
     weight = np.where(
         good, np.square(light[:, 1:-1]), 0
     )  # misfit grows with the light; where there is little, edges make more
+    if not weight.any():  # frames without any light
+        return whole
     own = np.average(noise.variance(level).mean(axis=0), weights=weight)
     beyond = float(np.average(whole.variance(level).mean(axis=0), weights=weight) - own)
     near = residual[:, good], level[:, good]

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from core.decode import Flag, decode
 from core.decode.islands import drop_islands
-from core.patterns import SequenceSpec, brightness
+from core.patterns import Black, SequenceSpec, White, brightness, gray_and_phase
 
 LINES, SHAPE = (256, 192), (240, 320)
 
@@ -86,3 +86,17 @@ def test_pixels_without_an_unsaturated_step_have_no_modulation() -> None:
     assert np.isfinite(found.modulation).all()
     assert found.modulation.max() < 255
     assert found.modulation[:, 40::2].max() < 1.0  # all at full scale
+
+
+def test_frames_without_any_light_tell_nothing() -> None:
+    """A camera that was off: every value is the same, and the noise was a mean without weights."""
+    patterns = [
+        *gray_and_phase("x", 64, cell=8, periods=(16.0,), steps=8, profile="sine"),
+        *gray_and_phase("y", 64, cell=8, periods=(16.0,), steps=8, profile="sine"),
+        White(),
+        Black(),
+    ]
+    phase = decode(patterns, [np.full((48, 64), 8, np.uint8) for _ in patterns], lines=(64, 64))
+    assert not np.isfinite(phase.u).any()
+    assert not np.isfinite(phase.v).any()
+    assert phase.notes
