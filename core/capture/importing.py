@@ -27,7 +27,7 @@ from core.numerics import spaced
 from core.patterns import Pattern, SequenceSpec, alike, like, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
-from core.project.captures import write_capture_json
+from core.project.captures import may_list, write_capture_json
 from core.project.images import Image
 
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
@@ -105,11 +105,12 @@ def import_frames(
     for plan, (whose, own), part in zip(plans, parts, steps, strict=True):
         series.append(_read(project, plan, whose, [files[k] for k in own or range(len(files))], by, decoded, part))
     progress.check()
-    converted = _write(target, series, str(folder.resolve()))
+    converted, name = _write(target, series, str(folder.resolve())), f"captures/{subject.name}"
     try:
-        add_capture(project.path, f"captures/{subject.name}")
+        add_capture(project.path, name)
     except BaseException:
-        shutil.rmtree(target, ignore_errors=True)
+        if not may_list(project.path, name):
+            shutil.rmtree(target, ignore_errors=True)
         raise
     words = []
     for (whose, own), one in zip(parts, series, strict=True):

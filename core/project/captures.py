@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from core.atomic import atomic_write, write_json
-from core.errors import InputError
+from core.errors import InputError, StripeError
 from core.fields import VERSIONS, Fields, read_document, read_table
 from core.model import Capture, DeviceSpec, Frame, Note, Project, Rig, ScaleBar, Seed, Subject, Testfield
 from core.patterns import (
@@ -354,6 +354,14 @@ def add_capture(folder: Path, name: str) -> None:
         names = fields.items("captures", [])
         if name not in names:
             write_json(path, {**fields.data, "captures": [*names, name]})
+
+
+def may_list(folder: Path, name: str) -> bool:
+    """Whether project.json lists a capture, or cannot be read: a write that failed last of all has taken its place."""
+    try:
+        return name in read_document(Path(folder) / "project.json", "stripe-project").items("captures", [])
+    except StripeError:
+        return True
 
 
 def choose_sequence(folder: Path, sequence: SequenceSpec | None) -> None:

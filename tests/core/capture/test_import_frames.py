@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import core.atomic
 from core.bench import experiment
 from core.capture.importing import import_frames, natural, sequence_of
 from core.capture.quality import noise_of_one
@@ -256,6 +257,22 @@ def test_an_import_killed_before_its_capture_was_listed_is_mended_as_said(
     )
     main(["check", str(project), "--repair"])
     assert read_project(project).captures == (project / "captures" / "a",)
+
+
+def test_a_disk_that_fails_after_the_capture_was_listed_keeps_it(project: Path, tmp_path: Path, monkeypatch) -> None:
+    """project.json has taken its place, and only then the names in its folder could not be flushed."""
+    take(tmp_path / "in", "gray-sine")
+    flush = core.atomic.flush_folder
+
+    def failing(folder: Path) -> None:
+        flush(folder)
+        if folder == project:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("core.atomic.flush_folder", failing)
+        assert main([*command(project, tmp_path), "--sequence", "gray-sine"]) == 1
+    assert [read_capture(folder).name for folder in read_project(project).captures] == ["a"]
 
 
 def test_the_later_of_two_imports_to_one_name_is_told_so(project: Path, tmp_path: Path, monkeypatch, capsys) -> None:
