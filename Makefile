@@ -48,7 +48,7 @@ demo: setup
 	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ] && [ -z "$$CI" ]; then $(BIN)/stripe-gui $(OUT); fi
 
 test: setup
-	@echo "Running all tests: about thirteen minutes on two cores."
+	@echo "Running all tests: about ten minutes on two cores."
 	@$(BIN)/python -m pytest -n 3 --dist worksteal
 
 # rooms of which few tests need a rendered project, and the rules of the house; without what takes longest there
