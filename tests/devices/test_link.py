@@ -88,14 +88,15 @@ def test_a_line_that_is_held_for_good_says_so(line: tuple[int, Link], monkeypatc
 
 def test_a_line_that_is_lost_again_and_again_is_told_in_words_of_ones_own(tmp_path: Path) -> None:
     """What pyserial says of it, "device reports readiness to read but returned no data", names no cause."""
-    name, end = tmp_path / "port", threading.Event()
+    name, there, end = tmp_path / "port", threading.Event(), threading.Event()
 
     def serve() -> None:
         while not end.is_set():
             ours, theirs = pty.openpty()
             tty.setraw(theirs)
-            name.unlink(missing_ok=True)
-            name.symlink_to(os.ttyname(theirs))
+            (tmp_path / "next").symlink_to(os.ttyname(theirs))
+            (tmp_path / "next").replace(name)  # there is a port of this name at any time
+            there.set()
             os.set_blocking(ours, False)
             while not end.is_set():
                 with suppress(BlockingIOError):
@@ -107,6 +108,7 @@ def test_a_line_that_is_lost_again_and_again_is_told_in_words_of_ones_own(tmp_pa
 
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()
+    assert there.wait(10)
     try:
         with pytest.raises(DeviceError, match=r"\(it was unplugged, .*\), for the 4th time .*check plugs") as told:
             open_projector(f"serial:{name}?profile=stripe-lines")
