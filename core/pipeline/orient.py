@@ -262,14 +262,19 @@ def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCal
     InputError if no corrected orientation is kept for the capture, or it belongs to another calibration.
     """
     path, pair = _corrected(project, capture), pair_for(capture, calibration)
+    corrected: Pair = kept_correction(project, capture, path, signature_of(pair), "orientation").pair
+    return corrected
+
+
+def kept_correction(project: Project, capture: Capture, path: Path, signature: str, what: str) -> Any:
+    """Read what `orient --correct` has kept; InputError if it has not, or with another calibration."""
     again = f"run `stripe-core orient {project.path} {capture.name} --correct` first"
     if not path.exists():
-        raise InputError(path, "no corrected orientation is kept for this capture", again)
-    motion, signature = load_archive(path, tuple)
-    if signature != signature_of(pair):
+        raise InputError(path, f"no corrected {what} is kept for this capture", again)
+    found, of = load_archive(path, tuple)
+    if of != signature:
         raise InputError(path, "was found with another calibration", again)
-    corrected: Pair = motion.pair
-    return corrected
+    return found
 
 
 def _motion_if_seen(look: Look, series: Sequence[Capture]) -> RigMotion | None:

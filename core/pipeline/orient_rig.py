@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from core.errors import InputError, listed
+from core.errors import listed
 from core.model import Capture, Figures, PhotogrammetricCalibration, Project, RigCorrection
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.folders import find_capture, result_path
-from core.pipeline.orient import Look, signature_of
+from core.pipeline.orient import Look, kept_correction, signature_of
 from core.progress import SILENT, Progress
-from core.project import load_archive, save_archive
+from core.project import save_archive
 
 TOGETHER = ".all.npz"  # what the names of these results end in
 
@@ -45,13 +45,9 @@ def oriented_together(
 
     InputError if none is kept for the capture, or it belongs to another calibration.
     """
-    path = _kept(project, capture)
-    again = f"run `stripe-core orient {project.path} {capture.name} --correct` first"
-    if not path.exists():
-        raise InputError(path, "no corrected orientation of all devices is kept for this capture", again)
-    found, signature = load_archive(path, tuple)
-    if signature != signature_of(calibration):
-        raise InputError(path, "was found with another calibration", again)
+    found = kept_correction(
+        project, capture, _kept(project, capture), signature_of(calibration), "orientation of all devices"
+    )
     corrected: PhotogrammetricCalibration = found.calibration
     return corrected
 

@@ -1,7 +1,6 @@
 """Mistakes in a profile are named where they stand, before anything is sent."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,18 +43,6 @@ class Content(Device):
         while (end := buffer.find(b"\x03")) >= 0:
             del buffer[: end + 1]
             yield b"\x02\x06\x03"
-
-
-@pytest.fixture
-def own(tmp_path: Path):
-    """Write a profile of one's own; give its path."""
-
-    def write(text: str) -> str:
-        path = tmp_path / "mine.toml"
-        path.write_text(text)
-        return str(path)
-
-    return write
 
 
 def misspelt(text: str):

@@ -54,18 +54,6 @@ expect = "A{slot:03d}"
 """
 
 
-@pytest.fixture
-def own(tmp_path: Path):
-    """Write a profile of one's own; give its path."""
-
-    def write(text: str) -> str:
-        path = tmp_path / "mine.toml"
-        path.write_text(text)
-        return str(path)
-
-    return write
-
-
 @pytest.mark.parametrize(
     ("name", "value"),  # of the catalogue of parametrised CRC algorithms, for "123456789"; the sums by hand
     [
