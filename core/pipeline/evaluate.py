@@ -214,12 +214,10 @@ def _told(
 
 def covers(method: Method, calibration: Calibration, phase: PhaseMap, project: Project) -> bool:
     """Whether a calibration is of the devices of a phase map."""
-    if isinstance(calibration, PhotogrammetricCalibration):
-        named = (phase.camera, project.rig.cameras), (phase.projector, project.rig.projectors)
-        if any(name not in calibration.devices and len(kind) > 1 for name, kind in named):
-            return False  # only the one of a rig may have another name there
-        return knows(calibration, phase.camera, phase.projector)
-    return METHODS[method].is_of(project, calibration, phase.camera, phase.projector)
+    pair = phase.camera, phase.projector
+    if isinstance(calibration, PhotogrammetricCalibration) and not knows(calibration, *pair):
+        return False
+    return METHODS[method].is_of(project, calibration, *pair)
 
 
 def _by_itself(capture: Capture, phase: PhaseMap, name: Method, calibration: Calibration, progress: Progress) -> Row:

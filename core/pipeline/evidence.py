@@ -5,9 +5,10 @@ What captures say of themselves is told where a result fails or is in doubt beca
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -21,9 +22,11 @@ from core.model import (
     Capture,
     Concern,
     DeviceSpec,
+    Frame,
     Interior,
     LeftOut,
     Method,
+    Note,
     PhaseMap,
     PhotogrammetricCalibration,
     Project,
@@ -36,6 +39,9 @@ from core.model import (
     points_at_a_cause,
 )
 from core.pipeline.options import CalibrateOptions
+from core.project import read_capture
+from core.project.contents import contents_of
+from core.project.images import read_image
 
 if TYPE_CHECKING:
     from core.checks import Plates
@@ -70,6 +76,37 @@ def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
         names = list(dict.fromkeys(name for name, _ in entries))
         concerns.append(Concern("doubtful", f"{listed(names, 3)}: {entries[0][1]}"))
     return concerns
+
+
+def shared_frames(project: Project, capture: Capture) -> tuple[Note, ...]:
+    """Say which frames of a capture stand under two patterns of it, or in another capture of the project, too."""
+    from core.checks import repeated_frames
+
+    sizes = {_size(frame) for frame in capture.frames} - {None}
+    others = []
+    for folder in project.captures:
+        with suppress(InputError):  # another that cannot be read is no matter of this one
+            others += [c] if (c := read_capture(folder, project)).path != capture.path else []
+    contents = contents_of(project.path)
+    # only files of one size can be the same: hardly one is read
+    places = [frame.place for c in (*others, capture) for frame in c.frames if _size(frame) in sizes]
+    found = repeated_frames([*others, capture], project.rig.projectors, contents.learn(places), has_one_value)
+    contents.keep()
+    name = capture.name
+    told = [c.text.removeprefix(name) for c in found if c.text.startswith((f"{name}: ", f"{name} "))]
+    return tuple(Note(text.lstrip(": "), "mistake") for text in told)
+
+
+def has_one_value(frame: Frame) -> bool:
+    """Whether a frame is of one grey value: darkness without noise is the same everywhere."""
+    return not np.ptp(read_image(frame.path))
+
+
+def _size(frame: Frame) -> int | None:
+    try:
+        return os.stat(frame.place).st_size
+    except OSError:
+        return None
 
 
 @contextmanager

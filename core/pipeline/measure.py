@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from core.errors import InputError, NotRecognisedError
 from core.figures import targets_figures
-from core.model import Capture, Note, PhaseMap, Project, Role, TargetSet, Testfield, named_by
+from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield, named_by
 from core.pipeline.decode import Look
-from core.pipeline.evidence import because_of
+from core.pipeline.evidence import because_of, shared_frames
 from core.pipeline.folders import all_captures, result_path
 from core.pipeline.inputs import measured_from
 from core.progress import SILENT, Progress
@@ -103,7 +102,7 @@ def look_at_boards(project: Project, captures: Sequence[Capture]) -> Look:
         try:
             return measured_or_why(capture, phase, project, sides[capture.role])
         except InputError:
-            with because_of(_shared_frames(project, capture, captures)):
+            with because_of({capture.name: shared_frames(project, capture)}):
                 raise
 
     def whole(decoded: Iterable[tuple[Capture, Any]]) -> list[TargetSet]:
@@ -120,19 +119,6 @@ def look_at_boards(project: Project, captures: Sequence[Capture]) -> Look:
         return sorted(told, key=lambda t: order[t.capture])
 
     return Look([c for c in series if key(c) not in found], each, whole)
-
-
-def _shared_frames(project: Project, capture: Capture, captures: Sequence[Capture]) -> dict[str, list[Note]]:
-    """Say, by capture, which frames one has in common with another: picks fit those of one of them."""
-    from core.checks import repeated_frames
-
-    contents = contents_of(project.path).learn(frame.place for c in captures for frame in c.frames)
-    found: dict[str, list[Note]] = {}
-    for concern in repeated_frames(captures, project.rig.projectors, contents, lambda _: False):
-        name, sep, told = concern.text.partition(": ")
-        if sep and re.search(rf"\b{re.escape(capture.name)}\b", concern.text):
-            found.setdefault(name, []).append(Note(told, "mistake"))
-    return found
 
 
 def measured_or_why(

@@ -26,7 +26,7 @@ from core.model import (
 )
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
-from core.pipeline.evidence import because_of, points_of
+from core.pipeline.evidence import because_of, points_of, shared_frames
 from core.pipeline.folders import find_capture, result_path
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.measure import boards_of, measured_targets
@@ -85,7 +85,10 @@ def merge_captures(
         phase = next(p for p in seen if (p.camera, p.projector) == pair)
         with points_of(capture, seen):
             views.append(View(phase, reconstruct(phase, calibration), name=capture.name))
-    said = {c.name: said_of(c, seen, calibration) for c, seen in zip(captures, phases, strict=True)}
+    said = {
+        c.name: (*shared_frames(project, c), *said_of(c, seen, calibration))
+        for c, seen in zip(captures, phases, strict=True)
+    }
     targets = {t.capture: t for t in _targets(project, captures) if (t.camera, t.projector) == pair}
     views = [replace(view, targets=targets.get(view.name)) for view in views]
     with because_of(said):

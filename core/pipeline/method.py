@@ -15,6 +15,7 @@ from core.model import (
     Interior,
     LeftOut,
     PhaseMap,
+    PhotogrammetricCalibration,
     PointCloud,
     Project,
     Role,
@@ -95,9 +96,20 @@ class CalibrationMethod:
         return capture.role in self.roles and self.usable(capture)
 
     def is_of(self, project: Project, calibration: Any, camera: str, projector: str) -> bool:
-        """Whether a calibration of one pair is of these devices; any other may be."""
-        return not self.one_pair or self.pair(project, calibration) == (camera, projector)
+        """Whether a calibration is of these devices: only the one of a rig may have another name there."""
+        if self.one_pair:
+            return self.pair(project, calibration) == (camera, projector)
+        return not strangers(project, calibration, camera, projector)
 
     def pair(self, project: Project, calibration: Any) -> tuple[str, str]:
         """Name the camera and the projector that a calibration of one pair is of."""
         return project.rig.pair(*getattr(calibration, "devices", ()))
+
+
+def strangers(project: Project, calibration: Any, camera: str, projector: str) -> list[str]:
+    """Name those of two devices that a calibration of devices lacks; of cameras alone, the projector is none."""
+    if not isinstance(calibration, PhotogrammetricCalibration):
+        return []
+    rig = project.rig
+    kinds = (camera, calibration.cameras, rig.cameras), (projector, calibration.projectors, rig.projectors)
+    return [name for name, known, of_rig in kinds if known and name not in known and len(of_rig) > 1]

@@ -22,6 +22,7 @@ from core.pipeline.orient_known import between_targets, known_points
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive
 from core.project.archive import read_head
+from core.project.contents import hash_value
 
 VERSION = 6  # raise it where the same capture and calibration give other figures: what is kept is then found again
 
@@ -182,7 +183,7 @@ def _orient(look: Look, series: Sequence[Capture], wanted: _Wanted, progress: Pr
         if wanted.keep:
             save_archive(_drift(project, series), motion, look.made_from(series))
     if wanted.correct:
-        save_archive(_corrected(project, capture), (motion, signature_of(look.pair(series))))
+        save_archive(_corrected(project, capture), (motion, hash_value(look.made_from(series))))
     return motion
 
 
@@ -259,21 +260,21 @@ def drift_of(
 def oriented(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> Pair:
     """Give camera and projector of a calibration with the projector where a kept result of this capture has it.
 
-    InputError if no corrected orientation is kept for the capture, or it belongs to another calibration.
+    InputError if no corrected orientation is kept for the capture, or it is of another calibration or other frames.
     """
-    path, pair = _corrected(project, capture), pair_for(capture, calibration)
-    corrected: Pair = kept_correction(project, capture, path, signature_of(pair), "orientation").pair
+    sign = hash_value(Look(project, capture, calibration).made_from((capture,)))
+    corrected: Pair = kept_correction(project, capture, _corrected(project, capture), sign, "orientation").pair
     return corrected
 
 
 def kept_correction(project: Project, capture: Capture, path: Path, signature: str, what: str) -> Any:
-    """Read what `orient --correct` has kept; InputError if it has not, or with another calibration."""
+    """Read what `orient --correct` has kept; InputError if it has not, or by another calibration or other frames."""
     again = f"run `stripe-core orient {project.path} {capture.name} --correct` first"
     if not path.exists():
         raise InputError(path, f"no corrected {what} is kept for this capture", again)
     found, of = load_archive(path, tuple)
     if of != signature:
-        raise InputError(path, "was found with another calibration", again)
+        raise InputError(path, "was found with another calibration, or from other frames", again)
     return found
 
 

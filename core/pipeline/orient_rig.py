@@ -8,9 +8,11 @@ from core.errors import listed
 from core.model import Capture, Figures, PhotogrammetricCalibration, Project, RigCorrection
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.folders import find_capture, result_path
+from core.pipeline.inputs import decoded_from
 from core.pipeline.orient import Look, kept_correction, signature_of
 from core.progress import SILENT, Progress
 from core.project import save_archive
+from core.project.contents import hash_value
 
 TOGETHER = ".all.npz"  # what the names of these results end in
 
@@ -34,7 +36,7 @@ def correct_together(project: Project, name: str, progress: Progress = SILENT) -
     parts = zip(pairs, progress.part(0.0, 0.5).parts(len(pairs)), strict=True)
     seen = {pair: look.phase(look.series(*pair), part) for pair, part in parts}
     found = correct_rig(seen, calibration, capture=look.capture.name, progress=progress.part(0.5, 1.0))
-    save_archive(_kept(project, look.capture), (found, signature_of(calibration)))
+    save_archive(_kept(project, look.capture), (found, _signature(project, look.capture, calibration)))
     return found
 
 
@@ -43,11 +45,10 @@ def oriented_together(
 ) -> PhotogrammetricCalibration:
     """Give a calibration with all devices where a kept result of this capture has them.
 
-    InputError if none is kept for the capture, or it belongs to another calibration.
+    InputError if none is kept for the capture, or it is of another calibration or other frames.
     """
-    found = kept_correction(
-        project, capture, _kept(project, capture), signature_of(calibration), "orientation of all devices"
-    )
+    sign = _signature(project, capture, calibration)
+    found = kept_correction(project, capture, _kept(project, capture), sign, "orientation of all devices")
     corrected: PhotogrammetricCalibration = found.calibration
     return corrected
 
@@ -90,6 +91,11 @@ def _together(look: Look) -> list[tuple[str, str]]:
     """Pairs of calibrated devices, if these are three or more."""
     pairs = [pair for pair in look.pairs if set(pair) <= set(look.calibration.devices)]
     return pairs if len({device for pair in pairs for device in pair}) > 2 else []
+
+
+def _signature(project: Project, capture: Capture, calibration: PhotogrammetricCalibration) -> str:
+    frames = [decoded_from(project, each) for each in capture.series]
+    return hash_value([signature_of(calibration), frames])
 
 
 def _kept(project: Project, capture: Capture) -> Path:

@@ -10,10 +10,10 @@ from core.errors import InputError
 from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.decode import decode_series, one_series, phase_maps
-from core.pipeline.evidence import points_of
+from core.pipeline.evidence import points_of, shared_frames
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
-from core.pipeline.method import CalibrationMethod
+from core.pipeline.method import CalibrationMethod, strangers
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import oriented
 from core.pipeline.views import joint_clouds
@@ -61,11 +61,15 @@ def reconstruct_capture(
         seen = [phase]
         with points_of(capture, seen):
             cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
-    return phase, judge_points(cloud, {capture.name: said_of(capture, seen, used)}, chosen, calibration)
+    said = (*shared_frames(project, capture), *said_of(capture, seen, used))
+    return phase, judge_points(cloud, {capture.name: said}, chosen, calibration)
 
 
 def check_pair(project: Project, record: CalibrationMethod, calibration: Any, camera: str, projector: str) -> None:
-    """Refuse devices that a calibration of one pair is not of."""
+    """Refuse devices that a calibration is not of."""
+    if lacking := strangers(project, calibration, camera, projector):
+        seen = f"the {record.title} has no device {' and '.join(lacking)}"
+        raise InputError(project.path, seen, f"it knows {', '.join(calibration.devices)}; calibrate the other, too")
     if not record.is_of(project, calibration, camera, projector):
         of, other = (" with ".join(pair) for pair in (record.pair(project, calibration), (camera, projector)))
         seen = f"the {record.title} is of {of}, not of {other}"

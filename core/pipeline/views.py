@@ -11,7 +11,7 @@ from core.errors import InputError
 from core.model import Capture, Figures, Floats, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import phase_maps
-from core.pipeline.evidence import points_of
+from core.pipeline.evidence import points_of, shared_frames
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.methods import METHODS
@@ -76,8 +76,8 @@ def reconstruct_views(
         )
     images = {phase.camera: phase.image for phase in phases}
     cloud, image = (clouds[camera], images[camera]) if camera else merged(clouds, images, calibration)
-    said = {capture.name: said_of(capture, intersectable(phases, calibration), calibration, rays)}
-    return image, judge_points(cloud, said, "photogrammetric", calibration)
+    said = (*shared_frames(project, capture), *said_of(capture, intersectable(phases, calibration), calibration, rays))
+    return image, judge_points(cloud, {capture.name: said}, "photogrammetric", calibration)
 
 
 def coverage(cloud: PointCloud) -> Figures:

@@ -160,7 +160,7 @@ def test_pixels_that_any_projector_lit_are_counted_for_all_devices_together() ->
     assert (result.excluded, result.excluded_rule) == (2 * W, told)
 
 
-def test_the_depth_method_is_of_one_camera_with_one_projector(calibrated: Path, edit_json: Callable[..., None]) -> None:
+def test_a_method_is_of_the_devices_that_were_calibrated(calibrated: Path, edit_json: Callable[..., None]) -> None:
     """What another projector lit has other columns at the same place: nothing of it is judged, made or calibrated."""
     lamp = json.loads((calibrated / "project.json").read_text())["projector"]
     edit_json(calibrated / "project.json", version=2, projectors={"second": lamp})
@@ -173,5 +173,7 @@ def test_the_depth_method_is_of_one_camera_with_one_projector(calibrated: Path, 
     assert [(row.capture, row.devices) for row in rows] == [("plane+00", ("camera", "projector"))]
     with pytest.raises(InputError, match="is of camera with projector, not of camera with second"):
         reconstruct_capture(project, "plane+15", "polynomial")
+    with pytest.raises(InputError, match="has no device second; it knows camera, projector; calibrate"):
+        reconstruct_capture(project, "plane+15", "photogrammetric")
     with pytest.raises(InputError, match="capture depth-01: has no frames of camera with projector"):
         calibrate_project(project, "polynomial")

@@ -91,6 +91,6 @@ def test_frames_of_another_capture_are_named_before_picks_that_do_not_fit(calibr
         file.unlink()  # which may be the same file as that of another copy
         file.write_bytes((other / file.name).read_bytes())
     with pytest.raises(
-        InputError, match=r"testfield-03/picks.json: .* First see to this: testfield-05: 012\.png, .*in test"
+        InputError, match=r"testfield-03/picks.json: .* First see to this: testfield-03: 012\.png, .*in testfield-05"
     ):
         measure_project(read_project(calibrated))

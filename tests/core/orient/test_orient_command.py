@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -98,6 +99,23 @@ def test_what_captures_show_is_kept_for_the_chart_and_the_report(calibrated: Pat
     assert [drawing.key for drawing in CHAPTERS["drift"].drawings[0](data)] == ["drift-camera-projector"]
     assert main(["calibrate", str(calibrated), "--method", "photogrammetric", "--without", "testfield-08"]) == 0
     assert not drift_of(project, kept=True)
+
+
+def test_a_correction_by_other_frames_is_refused(
+    calibrated: Path, bench: Experiment, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """New frames in the folder show another pose, and where they show none the correction before stayed in use."""
+    folder = knocked(bench, calibrated)
+    command = ["reconstruct", str(calibrated), str(folder), "--orient", "--out", str(tmp_path / "points.npz")]
+    assert main(["orient", str(calibrated), str(folder), "--correct"]) == 0
+    assert main(command) == 0
+    for frame in json.loads((folder / "capture.json").read_text())["frames"]:
+        image = cv2.imread(str(folder / frame["file"]), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(folder / frame["file"]), np.full_like(image, 20))
+    assert main(["orient", str(calibrated), str(folder), "--correct"]) == 2
+    capsys.readouterr()
+    assert main(command) == 2
+    assert "from other frames; run `stripe-core orient" in capsys.readouterr().err
 
 
 def test_a_correction_of_another_calibration_is_refused(

@@ -1,6 +1,7 @@
 """Points are no better than their capture and their calibration, and every command that makes points says so."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,14 @@ from core.cli import main
 from core.errors import StripeError
 from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import Note, PhaseMap, PointCloud, Verdict, named_by
-from core.pipeline import find_capture, keep_points, load_calibrations, merge_captures
+from core.pipeline import (
+    decode_capture,
+    find_capture,
+    keep_points,
+    load_calibrations,
+    merge_captures,
+    reconstruct_capture,
+)
 from core.pipeline.judge import judge_points, said_of
 from core.project import read_project
 
@@ -139,3 +147,19 @@ def test_a_capture_without_coordinates_is_named(
     ):
         assert main([*command, "--out", str(tmp_path / "a.ply")]) == 2
         assert "captures/testfield-02: no pixel has a projector coordinate" in capsys.readouterr().err
+
+
+def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
+    calibrated: Path, tmp_path: Path
+) -> None:
+    folder = calibrated / "captures"
+    for name in ("005.png", "006.png"):
+        (folder / OBJECT / name).unlink()
+        shutil.copy(folder / "plane+15" / name, folder / OBJECT / name)
+    shutil.copy(folder / "plane+15" / "023.png", folder / OBJECT / "new.png")  # no frame
+    said = "005.png, 006.png also stands in plane+15: a file of another capture"
+    assert said in decode_capture(folder / OBJECT).notes[0]
+    assert named_by(decode_capture(folder / OBJECT).notes[0]) == "mistake"
+    assert said in " ".join(reconstruct_capture(read_project(calibrated), OBJECT)[1].verdict.because)
+    (folder / "depth-01" / "capture.json").write_text("{")
+    assert not any("also stands" in note for note in decode_capture(folder / "testfield-01").notes)
