@@ -76,8 +76,7 @@ class Graph(Holdings):
             "measure": together(single["measure"], "there are no captures of a testfield"),
         }
         single["calibrate"], stages["calibrate"] = self._calibrate()
-        kept = {name for name, _ in self.clouds}
-        objects = [n for n, c in self.captures.items() if c.role == "object" or c.name in kept]
+        objects = [n for n, c in self.captures.items() if c.role == "object" or c.name in self.clouds]
         single["reconstruct"] = {name: self._reconstruct(name) for name in objects}
         single["evaluate"], stages["evaluate"] = self._evaluate()
         stages["reconstruct"] = self._reconstruct_all(single["reconstruct"], stages["evaluate"])
@@ -119,9 +118,7 @@ class Graph(Holdings):
                 yield run.made_from[method]
         if self.evaluation[0] is not None:
             yield self.evaluation[0]
-        for (capture, _), cloud in self.clouds.items():
-            if capture == name and cloud is not None:
-                yield cloud
+        yield from filter(None, self.clouds.get(name, {}).values())
 
     def _measure(self, name: str) -> State:
         capture = self.captures[name]
@@ -203,17 +200,18 @@ class Graph(Holdings):
 
     def _reconstruct(self, name: str) -> State:
         capture = self.captures[name]
-        found = [self.points(capture, method) for cloud, method in self.clouds if cloud == capture.name]
+        found = [self.points(capture, method) for method in self.clouds.get(capture.name, {})]
         return worst(found) if found else State("absent", ("not reconstructed yet",))
 
     def points(self, capture: Capture, method: Method) -> State:
         """Compute the state of the points of one capture by one method."""
-        if (capture.name, method) not in self.clouds:
+        kept = self.clouds.get(capture.name, {})
+        if method not in kept:
             return State("absent", ("not reconstructed yet",))
-        then = self.clouds[capture.name, method]
+        then = kept[method]
         if then is None:
             return State("outdated", (UNKNOWN,))
-        now = reconstructed_from(self.project, capture, calibration_hashes(self.project, [method]), self.contents)
+        now = reconstructed_from(self.project, capture, self._hashes([method]), self.contents)
         changed = (*self.of_calibrations([method]), *differences(then, now))
         return State("outdated", changed) if changed else CURRENT
 
@@ -236,11 +234,12 @@ class Graph(Holdings):
                 state = State("absent", ("not evaluated yet",) if planes else ("there are no captures of a plane",))
             return {c.name: state for c in planes}, state
         now, used = self._evaluated_now(then)
+        chosen = {c.path for c in used}
         each = {}
         upstream = self.of_calibrations((then.get("options") or {}).get("methods") or METHODS)
         for c in planes:
             state = part_of(then, now, c.name)
-            if c not in used:
+            if c.path not in chosen:
                 state = State("absent", ("was not chosen to be evaluated",))
             elif upstream and state.state != "absent":
                 state = State("outdated", (*upstream, *state.because))
@@ -253,8 +252,18 @@ class Graph(Holdings):
         options = then.get("options") or {}
         chosen, methods = options.get("captures"), options.get("methods")
         used = [c for c in self.of_role("plane") if chosen is None or c.name in chosen]
-        hashes = calibration_hashes(self.project, [m for m in METHODS if methods is None or m in methods])
+        hashes = self._hashes(METHODS if methods is None else methods)
         return evaluated_from(self.project, used, hashes, (chosen, methods), self.contents), used
+
+    def _hashes(self, methods: Iterable[Method]) -> dict[str, str | None]:
+        """Give the hashes of some of the calibrations in use."""
+        names = [f"{method} calibration" for method in methods]
+        return {name: self._in_use[name] for name in names if name in self._in_use}
+
+    @cached_property
+    def _in_use(self) -> dict[str, str | None]:
+        """The hashes of all calibrations in use: looked up once, however many captures ask."""
+        return calibration_hashes(self.project)
 
     @cached_property
     def evaluation_fits(self) -> bool:

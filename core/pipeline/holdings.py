@@ -92,14 +92,14 @@ class Holdings:
             return None, {}, f"{path}: damaged"
 
     @cached_property
-    def clouds(self) -> dict[tuple[str, Method], Record | None]:
+    def clouds(self) -> dict[str, dict[Method, Record | None]]:
         """What the points that are kept were made from, by capture and method."""
-        found: dict[tuple[str, Method], Record | None] = {}
+        found: dict[str, dict[Method, Record | None]] = {}
         for path in sorted(result_path(self.project, "points").glob("*.npz")):
             name, _, method = path.stem.rpartition(".")
             if method in METHODS:
                 record = stored_record(path.with_suffix(".json"), {path.name: self.contents.of(path)})
-                found[name, method] = None if isinstance(record, str) else record
+                found.setdefault(name, {})[method] = None if isinstance(record, str) else record
         return found
 
     @cached_property

@@ -144,7 +144,7 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
     left: dict[str, list[str]] = {}
     for name in progress.over(names, "reconstructing {0}"):
         capture = graph.captures[name].name
-        methods = [method for cloud, method in graph.clouds if cloud == capture] or [first]
+        methods = [*graph.clouds.get(capture, {})] or [first]
         for method in methods:
             if stale := graph.of_calibrations([method]):
                 left.setdefault(stale[0], []).append(name)

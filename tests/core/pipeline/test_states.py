@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 import time
 import zipfile
 from collections.abc import Callable
@@ -390,6 +391,38 @@ def test_an_update_that_was_stopped_goes_on_where_it_was(whole: Path) -> None:
     assert states(whole)["measure"] == "current"
     done = update_project(read_project(whole)).done
     assert [text.partition(":")[0] for text in done] == ["calibrate", "reconstruct", "evaluate", "report"]
+
+
+def test_the_work_of_opening_grows_with_the_captures_and_not_with_their_square(whole: Path) -> None:
+    def calls() -> int:
+        project, count = read_project(whole), 0
+
+        def one(_frame: object, event: str, _arg: object) -> None:
+            nonlocal count
+            count += event in ("call", "c_call")
+
+        project_states(project)  # hashes what is new
+        sys.setprofile(one)
+        try:
+            project_states(project)
+        finally:
+            sys.setprofile(None)
+        return count
+
+    def more(to: int) -> None:
+        names = [f"captures/more-{i:03d}" for i in range(to)]
+        for name in (n for n in names if not (whole / n).exists()):
+            shutil.copytree(whole / "captures/plane+00", whole / name, copy_function=os.link)
+            for kind in ("npz", "json"):
+                kept = whole / f"results/points/object-step.photogrammetric.{kind}"
+                os.link(kept, kept.with_name(f"{Path(name).name}.photogrammetric.{kind}"))
+        edit(whole / "project.json", lambda d: d.update(captures=list(dict.fromkeys([*d["captures"], *names]))))
+
+    found = []
+    for count in (0, 40, 80):
+        more(count)
+        found.append(calls())
+    assert found[2] - found[1] < 1.1 * (found[1] - found[0]), found
 
 
 # ------------------------------------------------------------------------------------------ remembered hashes
