@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from core.pipeline.features import measure_features as measure_features
     from core.pipeline.folders import captures_of as captures_of
     from core.pipeline.folders import find_capture as find_capture
+    from core.pipeline.folders import points_file as points_file
     from core.pipeline.folders import result_path as result_path
     from core.pipeline.graph import project_states as project_states
     from core.pipeline.live import live_cycles as live_cycles
@@ -95,7 +96,6 @@ if TYPE_CHECKING:
     from core.pipeline.update import Update as Update
     from core.pipeline.update import decode_project as decode_project
     from core.pipeline.update import keep_points as keep_points
-    from core.pipeline.update import points_file as points_file
     from core.pipeline.update import update_project as update_project
     from core.pipeline.views import coverage as coverage
     from core.pipeline.views import reconstruct_views as reconstruct_views
@@ -109,7 +109,7 @@ _HOMES = {
     "core.pipeline.decode": "decode_capture phase_maps read_phase write_phase",
     "core.pipeline.evaluate": "evaluate_project load_evaluation",
     "core.pipeline.features": "feature_figures feature_words measure_features",
-    "core.pipeline.folders": "captures_of find_capture result_path",
+    "core.pipeline.folders": "captures_of find_capture points_file result_path",
     "core.pipeline.graph": "project_states",
     "core.pipeline.live": "live_cycles",
     "core.pipeline.measure": "measure_project",
@@ -131,7 +131,7 @@ _HOMES = {
     "core.pipeline.tables": "export_deviations export_profiles export_report export_tables kept_evaluation"
     " read_profiles",
     "core.pipeline.testfield": "print_testfield",
-    "core.pipeline.update": "Update decode_project keep_points points_file update_project",
+    "core.pipeline.update": "Update decode_project keep_points update_project",
     "core.pipeline.views": "coverage reconstruct_views seen_by_several",
 }
 if not TYPE_CHECKING:  # else every name would be right

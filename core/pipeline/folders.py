@@ -9,13 +9,25 @@ from typing import Any, Literal
 
 from core.errors import InputError, choose_among
 from core.fields import read_document
-from core.model import Capture, Project, Role
+from core.model import Capture, Method, Project, Role
 from core.project import read_capture
 
 
 def result_path(project: Project, name: str) -> Path:
     """Where the program keeps a result of a project."""
     return project.path / "results" / name
+
+
+def points_file(project: Project, capture: Capture, method: str, camera: str = "", projector: str = "") -> Path:
+    """Where the program keeps the points of a capture; those of further cameras or projectors in a folder beside."""
+    if not camera or (camera, projector) == capture.pairs[0]:
+        return result_path(project, f"points/{capture.name}.{method}.npz")
+    return result_path(project, f"points/{capture.name}/{camera}.{projector}.{method}.npz")
+
+
+def method_of(points: Path) -> Method:
+    """Tell the method that points were made by from the name of their file."""
+    return points.stem.rpartition(".")[2]
 
 
 def captures_of(project: Project, role: Role) -> list[Capture]:

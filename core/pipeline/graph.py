@@ -18,12 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from core.errors import StripeError
 from core.model import Capture, Method, Project
 from core.pipeline.failures import read_failures
-from core.pipeline.folders import result_path
+from core.pipeline.folders import method_of, result_path
 from core.pipeline.holdings import UNKNOWN, Holdings, reported_now, stored_record
 from core.pipeline.inputs import (
     Record,
@@ -200,15 +201,15 @@ class Graph(Holdings):
 
     def _reconstruct(self, name: str) -> State:
         capture = self.captures[name]
-        found = [self.points(capture, method) for method in self.clouds.get(capture.name, {})]
+        found = [self.points(capture, path) for path in self.clouds.get(capture.name, ())]
         return worst(found) if found else State("absent", ("not reconstructed yet",))
 
-    def points(self, capture: Capture, method: Method) -> State:
-        """Compute the state of the points of one capture by one method."""
-        kept = self.clouds.get(capture.name, {})
-        if method not in kept:
+    def points(self, capture: Capture, path: Path) -> State:
+        """Compute the state of the points of one capture that are kept in one file, by one method and pair."""
+        kept, method = self.clouds.get(capture.name, {}), method_of(path)
+        if path not in kept:
             return State("absent", ("not reconstructed yet",))
-        then = kept[method]
+        then = kept[path]
         if then is None:
             return State("outdated", (UNKNOWN,))
         now = reconstructed_from(self.project, capture, self._hashes([method]), self.contents)

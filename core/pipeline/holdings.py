@@ -12,7 +12,7 @@ from typing import Any
 from core.errors import StripeError
 from core.fields import kept_object, text_of
 from core.model import Capture, Method, Project
-from core.pipeline.folders import result_path
+from core.pipeline.folders import method_of, result_path
 from core.pipeline.inputs import Record, reported_from
 from core.pipeline.measure import BOARDS, side_of
 from core.pipeline.method import ADJUSTMENT
@@ -92,14 +92,15 @@ class Holdings:
             return None, {}, f"{path}: damaged"
 
     @cached_property
-    def clouds(self) -> dict[str, dict[Method, Record | None]]:
-        """What the points that are kept were made from, by capture and method."""
-        found: dict[str, dict[Method, Record | None]] = {}
-        for path in sorted(result_path(self.project, "points").glob("*.npz")):
-            name, _, method = path.stem.rpartition(".")
-            if method in METHODS:
+    def clouds(self) -> dict[str, dict[Path, Record | None]]:
+        """What the points that are kept were made from, by capture and file (`folders.points_file`)."""
+        found: dict[str, dict[Path, Record | None]] = {}
+        folder = result_path(self.project, "points")
+        for path in sorted([*folder.glob("*.npz"), *folder.glob("*/*.npz")]):
+            if method_of(path) in METHODS:
+                name = path.stem.rpartition(".")[0] if path.parent == folder else path.parent.name
                 record = stored_record(path.with_suffix(".json"), {path.name: self.contents.of(path)})
-                found.setdefault(name, {})[method] = None if isinstance(record, str) else record
+                found.setdefault(name, {})[path] = None if isinstance(record, str) else record
         return found
 
     @cached_property

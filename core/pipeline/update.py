@@ -10,13 +10,13 @@ from pathlib import Path
 from core.errors import Cancelled, InputError, StripeError
 from core.figures import phase_figures, verdict_figures
 from core.lazy import dataclass
-from core.model import Capture, Figures, Method, Project
+from core.model import Figures, Method, Project
 from core.parallel import on_processes
 from core.pipeline.calibrate import calibrate_project, chosen_calibration, methods_in_use
 from core.pipeline.decode import phase_maps
 from core.pipeline.evaluate import evaluate_project
 from core.pipeline.failures import StageFailure, clear_failure, keep_failure
-from core.pipeline.folders import result_path
+from core.pipeline.folders import method_of, points_file, result_path
 from core.pipeline.graph import Graph, project_states
 from core.pipeline.holdings import decoded_figures
 from core.pipeline.inputs import decoded_from, reconstructed_from
@@ -144,7 +144,7 @@ def _reconstruct(project: Project, states: ProjectStates, progress: Progress) ->
     left: dict[str, list[str]] = {}
     for name in progress.over(names, "reconstructing {0}"):
         capture = graph.captures[name].name
-        methods = [*graph.clouds.get(capture, {})] or [first]
+        methods = dict.fromkeys(map(method_of, graph.clouds.get(capture, ()))) or [first]
         for method in methods:
             if stale := graph.of_calibrations([method]):
                 left.setdefault(stale[0], []).append(name)
@@ -180,13 +180,6 @@ def keep_points(
         )
         contents_of(project.path).keep()
     return path
-
-
-def points_file(project: Project, capture: Capture, method: str, camera: str = "", projector: str = "") -> Path:
-    """Where the program keeps the points of a capture; those of further cameras or projectors in a folder beside."""
-    if not camera or (camera, projector) == capture.pairs[0]:
-        return result_path(project, f"points/{capture.name}.{method}.npz")
-    return result_path(project, f"points/{capture.name}/{camera}.{projector}.{method}.npz")
 
 
 def _evaluate(project: Project, states: ProjectStates, progress: Progress) -> str:

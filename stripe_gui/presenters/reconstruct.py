@@ -16,9 +16,6 @@ from core.fields import kept_object
 from core.lazy import dataclass
 from core.model import Capture, Floats, Method, PointCloud, Verdict
 from core.pipeline import points_file
-from core.pipeline.inputs import reconstructed_from
-from core.pipeline.runs import calibration_hashes
-from core.pipeline.states import differences
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up
@@ -69,15 +66,8 @@ def points_of(folder: ProjectFolder, capture: str, method: Method, pair: tuple[s
     if entry is None or entry.capture is None:
         return "none", Path()
     path = points_file(folder.project, entry.capture, method, *pair)
-    if not path.exists():
-        return "none", path
-    if path == points_file(folder.project, entry.capture, method):
-        state = graph_of(folder).points(entry.capture, method).state
-    else:
-        now = reconstructed_from(folder.project, entry.capture, calibration_hashes(folder.project, [method]))
-        then = kept_object(path.with_suffix(".json")).get("made_from", {})
-        state = "outdated" if differences(then, now) else "current"
-    return ("current" if state == "current" else "stale"), path
+    state = graph_of(folder).points(entry.capture, path).state
+    return {"absent": "none", "current": "current"}.get(state, "stale"), path
 
 
 def devices_of(capture: Capture | None) -> dict[str, str]:

@@ -24,6 +24,7 @@ from core.model import PhotogrammetricCalibration, Project
 from core.pipeline import (
     calibrate_project,
     evaluate_project,
+    keep_points,
     kept_evaluation,
     load_calibrations,
     reconstruct_capture,
@@ -37,6 +38,7 @@ from core.pipeline.graph import project_states
 from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
 from core.pipeline.report import report_data
+from core.pipeline.states import State
 from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
 from core.reconstruct import Sight
@@ -215,6 +217,24 @@ def test_points_of_both_cameras_lie_on_one_plane(project: Project) -> None:
     (one, normal), (other, second) = planes
     assert abs(float((other - one) @ normal)) < 0.05  # the calibration's own sigma of depth is some 0.05 mm
     assert np.degrees(np.arccos(min(1.0, abs(float(normal @ second))))) < 0.06  # 0.1 mm over 100 mm
+
+
+def test_points_of_a_further_camera_are_told_as_those_of_the_first(project: Project, tmp_path: Path, edit_json) -> None:
+    """Nobody but the window told of them, and took them for current whatever became of their calibration."""
+    there = read_project(copied(project.path, tmp_path / "project"))
+    kept = keep_points(there, "plane+15", "photogrammetric", camera="right", projector="projector")
+
+    def told() -> State:
+        return project_states(read_project(there.path)).captures["plane+15"]["reconstruct"]
+
+    assert told().state == "current"
+    scale = json.loads((there.path / "project.json").read_text())["scale"]
+    edit_json(there.path / "project.json", scale={**scale, "length_mm": scale["length_mm"] * 1.01})
+    assert any("scale.length_mm was" in text for text in told().because)
+    shutil.copy(project.path / "project.json", there.path)
+    with kept.open("ab") as file:
+        file.write(b"more")
+    assert told().state == "outdated"
 
 
 def test_whose_frames_must_be_said(project: Project) -> None:
