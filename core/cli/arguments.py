@@ -75,7 +75,8 @@ class Commands:
             return Unasked()
         parser: Parser = self._parsers.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         parser.set_defaults(run=run)
-        parser.add_argument("--json", metavar="FILE", help="write the figures (- for standard output)")
+        words = "write the figures, to standard output without FILE"
+        parser.add_argument("--json", metavar="FILE", nargs="?", const="-", help=words)
         return parser
 
     def add_on_folder(self, name: str, run: Run, text: str) -> Parser:

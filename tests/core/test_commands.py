@@ -201,10 +201,11 @@ def test_capture_runs_the_virtual_rig_of_the_project(quick: Path, tmp_path: Path
 
 def test_figures_on_standard_output_stand_alone(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for command in ("status", "runs", "check"):
-        assert main([command, str(calibrated), "--json", "-"]) == 0
-        told = capsys.readouterr()
-        assert json.loads(told.out)
-        assert told.err  # the words
+        for here in (["--json", "-"], ["--json"]):
+            assert main([command, str(calibrated), *here]) == 0
+            told = capsys.readouterr()
+            assert json.loads(told.out)
+            assert told.err  # the words
 
 
 def test_a_project_that_may_only_be_read_is_oriented(calibrated: Path, tmp_path: Path) -> None:
