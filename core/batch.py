@@ -29,11 +29,14 @@ from core.figures import evaluation_figures, phase_figures, verdict_figures
 from core.lazy import dataclass
 from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
-from core.pipeline import find_capture, load_calibrations, phase_maps, read_phase, write_cloud, write_phase
+from core.pipeline import load_calibrations
+from core.pipeline.decode import phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import covers, judge_plane
 from core.pipeline.evidence import points_of
+from core.pipeline.folders import find_capture
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.judge import judge_points, said_of
+from core.pipeline.reconstruct import write_cloud
 from core.pipeline.runs import calibration_hashes
 from core.progress import SILENT, Progress
 from core.project import read_capture, read_project, save_archive, write_json

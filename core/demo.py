@@ -37,7 +37,7 @@ def run_demo(
     What an earlier demo wrote is replaced; one that was stopped goes on where it was. What somebody added or changed is
     an InputError that names it; nothing has been touched then.
     """
-    pipeline.check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
+    pipeline.capture.check_scenario(scenario, seed)  # refuses what it does not know before the earlier demo goes
     made = read_made(out)
     if made.get("demo") == "simulated" and (made.get("scenario"), made.get("seed"), made.get("sequence")) == (
         scenario,
@@ -50,10 +50,10 @@ def run_demo(
         note_made(out, {**_facts(out), "demo": "simulated"})
     pipeline.update_project(project, progress.part(0.6, 1.0))
     note_made(out, {**_facts(out), "demo": "complete"})
-    calibrations, evaluations = pipeline.load_calibrations(project), pipeline.load_evaluation(project)
-    report = ReportPaths(*(pipeline.result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")))
-    figures = {**pipeline.calibration_figures(calibrations), **evaluation_figures(evaluations)}
-    return Demo(pipeline.result_tables(project, evaluations), figures, report)
+    calibrations, evaluations = pipeline.load_calibrations(project), pipeline.evaluate.load_evaluation(project)
+    report = ReportPaths(*(pipeline.folders.result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")))
+    figures = {**pipeline.methods.calibration_figures(calibrations), **evaluation_figures(evaluations)}
+    return Demo(pipeline.report.result_tables(project, evaluations), figures, report)
 
 
 def _facts(out: Path) -> Figures:

@@ -7,12 +7,13 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 
 def attach(package: str, homes: dict[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Give a package its ``__getattr__``, ``__dir__`` and ``__all__``.
+    """Give a package its ``__getattr__``, which knows the package's modules too, ``__dir__`` and ``__all__``.
 
     Parameters
     ----------
@@ -25,9 +26,12 @@ def attach(package: str, homes: dict[str, str]) -> tuple[Callable[[str], Any], C
     home = {name: module for module, names in homes.items() for name in names.split()}
 
     def find(name: str) -> Any:
-        if name not in home:
+        if name in home:
+            value = getattr(import_module(home[name]), name)
+        elif find_spec(f"{package}.{name}"):
+            value = import_module(f"{package}.{name}")
+        else:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(import_module(home[name]), name)
         setattr(sys.modules[package], name, value)
         return value
 

@@ -236,7 +236,8 @@ def make_demo(bench: Workbench) -> None:
 
 def update_all(bench: Workbench) -> None:
     """Do what is out of date or to do in the background, and tell what was done."""
-    from core.pipeline import Update, update_project
+    from core.pipeline import update_project
+    from core.pipeline.update import Update
 
     def done(update: Update) -> None:
         bench.refresh()

@@ -52,7 +52,8 @@ def tour(out: Path, project: Path | None = None) -> int:
 
 def _demo(folder: Path) -> Path:
     from core.demo import run_demo
-    from core.pipeline import captures_of, keep_points
+    from core.pipeline.folders import captures_of
+    from core.pipeline.update import keep_points
     from core.project import read_project
 
     run_demo(folder, "quick")

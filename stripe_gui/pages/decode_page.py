@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from core.model import Capture, PhaseMap
-from core.pipeline import decode_project
+from core.pipeline.update import decode_project
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.decode import figures_table, kind_name, kinds_of, map_view, pixel_text, recent_phases
 from stripe_gui.presenters.folder import frames_key

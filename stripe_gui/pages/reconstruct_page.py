@@ -9,7 +9,9 @@ import numpy as np
 from PySide6.QtWidgets import QCheckBox, QComboBox, QStackedWidget
 
 from core.model import Floats, PointCloud, Verdict
-from core.pipeline import Merged, coverage, keep_points, reconstruct_views, seen_by_several
+from core.pipeline.merge import Merged
+from core.pipeline.update import keep_points
+from core.pipeline.views import coverage, reconstruct_views, seen_by_several
 from stripe_gui.pages.map_page import MapPage
 from stripe_gui.presenters.maps import MapView
 from stripe_gui.presenters.reconstruct import (

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QSizePolicy
 
 from core.errors import StripeError
 from core.model import Adjustment, DriftPoint, PhotogrammetricCalibration
-from core.pipeline import drift_of
+from core.pipeline.orient import drift_of
 from core.pipeline.orient_words import ACTION
 from stripe_gui.pages.parts_page import PartsPage
 from stripe_gui.presenters.drift import drift_curves, drift_table

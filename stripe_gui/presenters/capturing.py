@@ -16,7 +16,8 @@ from core.fields import read_document
 from core.lazy import dataclass
 from core.model import Finding, Project, Role, Subject
 from core.patterns import Pattern
-from core.pipeline import capture_into, preflight_rig
+from core.pipeline import capture_into
+from core.pipeline.capture import preflight_rig
 from core.progress import SILENT, Progress
 from core.project import read_project
 from stripe_gui.presenters.looking import Rig

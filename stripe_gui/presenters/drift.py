@@ -10,8 +10,8 @@ from PySide6.QtCore import QCoreApplication
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import Capture, DriftPoint, Project
-from core.pipeline import motion_words, orient_pairs
-from core.pipeline.orient_words import ACTION, WARNING
+from core.pipeline.orient import orient_pairs
+from core.pipeline.orient_words import ACTION, WARNING, motion_words
 from core.progress import SILENT, Progress
 from core.report import Number, Table
 from core.report.numbers import DRIFT_ELEMENTS

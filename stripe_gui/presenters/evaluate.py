@@ -10,7 +10,8 @@ from PySide6.QtCore import QCoreApplication
 from core.evaluate import Profile, points_on_plane, read_profile, share_within
 from core.lazy import dataclass
 from core.model import DeviceSpec, PlaneEvaluation, Verdict
-from core.pipeline import METHODS, current_run
+from core.pipeline import METHODS
+from core.pipeline.runs import current_run
 from core.progress import SILENT, Progress
 from core.report import CHAPTERS, ReportData, Table
 from stripe_gui.presenters.folder import ProjectFolder

@@ -15,7 +15,7 @@ from core.evaluate import heights
 from core.fields import kept_object
 from core.lazy import dataclass
 from core.model import Capture, Floats, Method, PointCloud, Verdict
-from core.pipeline import points_file
+from core.pipeline.folders import points_file
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up

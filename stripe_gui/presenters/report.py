@@ -11,7 +11,7 @@ from core import pipeline
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import PlaneEvaluation, Project
-from core.pipeline import load_sign_off
+from core.pipeline.signed import load_sign_off
 from core.progress import SILENT, Progress
 from core.report import ReportPaths, SignOff, Summary, summary
 from stripe_gui.presenters.calibrate import gather
@@ -68,8 +68,8 @@ def write_signed_report(
     current = status.state is State.DONE
     if sign_off is not None and not current:
         raise InputError("sign-off", f"the evaluation is not up to date: {status.reason}", "evaluate, look, then sign")
-    evaluations = pipeline.load_evaluation(project) if current else None
-    pipeline.sign_project(project, sign_off, evaluations)
+    evaluations = pipeline.evaluate.load_evaluation(project) if current else None
+    pipeline.signing.sign_project(project, sign_off, evaluations)
     return pipeline.report_project(project, out, progress, evaluations=evaluations)
 
 
@@ -86,11 +86,11 @@ def export_files(
     if wishes.report:
         paths = write_signed_report(project, sign_off, out, progress.part(0.0, 0.5))
         files += [paths.html, paths.pdf]
-    evaluations = pipeline.kept_evaluation(project)
+    evaluations = pipeline.tables.kept_evaluation(project)
     if wishes.tables:
-        files += pipeline.export_tables(project, out, evaluations)
+        files += pipeline.tables.export_tables(project, out, evaluations)
     if wishes.profiles:
-        files += pipeline.export_profiles(project, evaluations, out, line)
+        files += pipeline.tables.export_profiles(project, evaluations, out, line)
     if wishes.deviations:
-        files += pipeline.export_deviations(project, evaluations, out, progress=progress.part(0.5, 1.0))
+        files += pipeline.tables.export_deviations(project, evaluations, out, progress=progress.part(0.5, 1.0))
     return files

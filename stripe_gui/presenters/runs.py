@@ -9,7 +9,8 @@ from typing import Any
 from PySide6.QtCore import QCoreApplication
 
 from core.model import Method
-from core.pipeline import METHODS, CalibrateOptions, Difference, Run, compare_runs
+from core.pipeline import METHODS, CalibrateOptions
+from core.pipeline.runs import Difference, Run, compare_runs
 from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.presenters.told import told

@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from PySide6.QtCore import QCoreApplication
 
 from core.model import Method
-from core.pipeline import METHODS, ProjectStates
+from core.pipeline import METHODS
 from core.pipeline.failures import read_failures
 from core.pipeline.graph import Graph
+from core.pipeline.states import ProjectStates
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.stages import StageStatus, State

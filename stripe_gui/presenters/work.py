@@ -34,21 +34,21 @@ def export_points(
     progress: Progress = SILENT,
 ) -> int:
     """Write the points of a capture for another program, by the name's ending; give their number."""
-    pipeline.check_cloud(out)
+    pipeline.reconstruct.check_cloud(out)
     if not devices:  # of all cameras
-        image, cloud = pipeline.reconstruct_views(project, capture, fill=fill, progress=progress)
+        image, cloud = pipeline.views.reconstruct_views(project, capture, fill=fill, progress=progress)
     else:
         phase, cloud = pipeline.reconstruct_capture(project, capture, method, progress=progress, **devices)  # type: ignore[arg-type]
         image = phase.image
     progress.check()
-    return pipeline.write_cloud(out, image, cloud)
+    return pipeline.reconstruct.write_cloud(out, image, cloud)
 
 
-def merge_points(project: Project, names: list[str], out: Path, progress: Progress = SILENT) -> pipeline.Merged:
+def merge_points(project: Project, names: list[str], out: Path, progress: Progress = SILENT) -> pipeline.merge.Merged:
     """Join captures of one object, and write their points for another program."""
-    pipeline.check_cloud(out)
-    merged = pipeline.merge_captures(project, names, progress=progress)
-    pipeline.write_cloud(out, merged.image, merged.cloud)
+    pipeline.reconstruct.check_cloud(out)
+    merged = pipeline.merge.merge_captures(project, names, progress=progress)
+    pipeline.reconstruct.write_cloud(out, merged.image, merged.cloud)
     return merged
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from core.model import DeviceSpec, PhaseMap, Project, Subject
 from core.patterns import reference_sequence
-from core.pipeline import decode_capture, phase_maps
-from core.pipeline.decode import decode_images, from_phase_maps
+from core.pipeline import decode_capture
+from core.pipeline.decode import decode_images, from_phase_maps, phase_maps
 from core.progress import SILENT
 from core.project import iterate_images, read_capture, read_project, write_image, write_project
 from core.project.captures import write_capture_json

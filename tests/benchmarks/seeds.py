@@ -24,7 +24,9 @@ from core.calibrate import calibrate_photogrammetric
 from core.geometry import rotation_vector_from_matrix, similarity
 from core.measure import kind_of
 from core.model import Adjustment, PhaseMap, PhotogrammetricCalibration, TargetSet
-from core.pipeline import METHODS, CalibrateOptions, captures_of, phase_maps, simulate_project
+from core.pipeline import METHODS, CalibrateOptions, simulate_project
+from core.pipeline.decode import phase_maps
+from core.pipeline.folders import captures_of
 from core.pipeline.methods.photogrammetric import ADJUSTMENT
 from core.progress import SILENT
 from core.project import read_project

@@ -15,7 +15,9 @@ from core.cli import main
 from core.evaluate import line_across
 from core.geometry import Pose, project
 from core.model import Interior
-from core.pipeline import evaluate_project, load_evaluation, load_sign_off
+from core.pipeline import evaluate_project
+from core.pipeline.evaluate import load_evaluation
+from core.pipeline.signed import load_sign_off
 from core.project import read_capture, read_project
 from core.project.made import FILE as MADE
 from tests.copies import copied

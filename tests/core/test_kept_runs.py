@@ -13,21 +13,19 @@ from core.cli import main
 from core.errors import AdjustmentError, Cancelled, InputError
 from core.geometry import LENSES, matrix_from_rotation_vector
 from core.model import Adjustment, PhotogrammetricCalibration
-from core.pipeline import (
-    CalibrateOptions,
+from core.pipeline import CalibrateOptions, calibrate_project, runs
+from core.pipeline.methods import METHODS
+from core.pipeline.runs import (
     Run,
-    calibrate_project,
+    calibration_file,
     compare_runs,
     current_runs,
     delete_run,
     list_runs,
     make_current,
     rename_run,
-    runs,
-    save_sign_off,
 )
-from core.pipeline.methods import METHODS
-from core.pipeline.runs import calibration_file
+from core.pipeline.signing import save_sign_off
 from core.progress import Progress
 from core.project import load_archive, read_capture, read_image, read_project, write_image, write_picks
 from core.report import SignOff

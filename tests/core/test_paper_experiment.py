@@ -26,15 +26,10 @@ from core.model import (
     Project,
     TargetSet,
 )
-from core.pipeline import (
-    calibrate_project,
-    captures_of,
-    evaluate_project,
-    load_calibrations,
-    load_evaluation,
-    phase_maps,
-    simulate_project,
-)
+from core.pipeline import calibrate_project, evaluate_project, load_calibrations, simulate_project
+from core.pipeline.decode import phase_maps
+from core.pipeline.evaluate import load_evaluation
+from core.pipeline.folders import captures_of
 from core.pipeline.measure import kept_targets
 from core.project import read_project
 from core.reconstruct import reconstruct

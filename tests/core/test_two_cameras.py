@@ -21,17 +21,7 @@ from core.errors import InputError
 from core.geometry import pair_of
 from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project
-from core.pipeline import (
-    calibrate_project,
-    evaluate_project,
-    keep_points,
-    kept_evaluation,
-    load_calibrations,
-    reconstruct_capture,
-    reconstruct_views,
-    seen_by_several,
-    simulate_project,
-)
+from core.pipeline import calibrate_project, evaluate_project, load_calibrations, reconstruct_capture, simulate_project
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
 from core.pipeline.graph import project_states
@@ -39,6 +29,9 @@ from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
 from core.pipeline.report import report_data
 from core.pipeline.states import State
+from core.pipeline.tables import kept_evaluation
+from core.pipeline.update import keep_points
+from core.pipeline.views import reconstruct_views, seen_by_several
 from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
 from core.reconstruct import Sight

@@ -14,7 +14,8 @@ import pytest
 
 from core.geometry import Pose
 from core.model import AdjustedDevice, DeviceSpec, Interior, Orientation, PhotogrammetricCalibration, PointCloud
-from core.pipeline import find_capture, phase_maps
+from core.pipeline.decode import phase_maps
+from core.pipeline.folders import find_capture
 from core.project import read_project
 from core.reconstruct import Sight, intersect_all
 from tests.foreign.optics import Optics, Placed, looking, optics, turned

@@ -13,7 +13,8 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QToolButton
 
 from core.model import Adjustment
-from core.pipeline import calibrate_project, current_runs, list_runs, measure_project
+from core.pipeline import calibrate_project, measure_project
+from core.pipeline.runs import current_runs, list_runs
 from core.project import load_archive, read_capture, read_project
 from stripe_gui.presenters.stages import State
 from tests.copies import own

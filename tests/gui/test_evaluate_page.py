@@ -15,7 +15,8 @@ from pypdf import PdfReader
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtWidgets import QToolButton
 
-from core.pipeline import load_evaluation, load_sign_off
+from core.pipeline.evaluate import load_evaluation
+from core.pipeline.signed import load_sign_off
 from core.project import read_project
 from stripe_gui.presenters.stages import State
 from tests.gui.hands import click, idle

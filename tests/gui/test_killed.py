@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from core.pipeline import current_runs, project_states
+from core.pipeline import project_states
+from core.pipeline.runs import current_runs
 from core.project import read_project
 from core.project.lock import writing_results
 from stripe_gui.presenters.stages import State

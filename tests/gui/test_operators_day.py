@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLin
 
 from core.bench import experiment
 from core.bench.simulate import truth_of
-from core.pipeline import load_evaluation
+from core.pipeline.evaluate import load_evaluation
 from core.project import read_project
 from stripe_gui.presenters.stages import State
 from tests.copies import copied

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from core.pipeline import keep_points
+from core.pipeline.update import keep_points
 from core.project import read_project
 from stripe_gui.__main__ import display_problem
 from stripe_gui.pages import PAGES

@@ -15,8 +15,7 @@ from core.capture.plan import make_plan
 from core.errors import InputError
 from core.geometry.pairs import names_of, orientation_names
 from core.model import Adjustment, Concern, Orientation, PhotogrammetricCalibration, Subject, verdict_of
-from core.pipeline import load_evaluation
-from core.pipeline.evaluate import TOGETHER
+from core.pipeline.evaluate import TOGETHER, load_evaluation
 from core.pipeline.options import check_options
 from core.pipeline.runs import keep_run, list_runs, run_folder
 from core.pipeline.sequences import import_into

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor
 
 from core.geometry import Pose
 from core.model import DeviceSpec, Interior, PointCloud, Verdict
-from core.pipeline import keep_points
+from core.pipeline.update import keep_points
 from stripe_gui.presenters.reconstruct import PATCHES, joint_scene, load_points, merged_scene
 from stripe_gui.presenters.rig_space import Stand, common_slices, field
 from stripe_gui.presenters.space import Line, Scene, seen

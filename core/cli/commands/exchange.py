@@ -73,8 +73,8 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
 
     options.project = project = read_project(options.project)
     calibration = import_calibration(project, options.form, options.file, **_named(options, "camera"))
-    figures = pipeline.calibration_figures({"photogrammetric": calibration})
+    figures = pipeline.methods.calibration_figures({"photogrammetric": calibration})
     print_verdict("photogrammetric", figures["photogrammetric"]["verdict"])
     _tell_devices(options)
-    print(f"kept as run {max(pipeline.current_runs(project).values())}")
+    print(f"kept as run {max(pipeline.runs.current_runs(project).values())}")
     return figures

@@ -120,7 +120,7 @@ def _preflight(options: Options, progress: Progress) -> dict[str, Any]:
         print(f"put the plate at {z_mm:g} mm and press Enter", file=sys.stderr, flush=True)
         sys.stdin.readline()
 
-    findings = pipeline.preflight_rig(
+    findings = pipeline.capture.preflight_rig(
         options.project,
         projector=options.projector,
         camera=options.camera,

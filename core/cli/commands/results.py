@@ -12,7 +12,7 @@ from core.errors import InputError, StripeError
 from core.progress import Progress
 
 if TYPE_CHECKING:
-    from core.pipeline import Run
+    from core.pipeline.runs import Run
 
 
 def add(commands: Commands) -> None:
@@ -106,8 +106,8 @@ def _guess(options: Options, progress: Progress) -> dict[str, Any]:
     if options.accept is not None and options.accept < 1:
         raise InputError("--accept", f"is {options.accept}", "give 1 for the likeliest guess, 2 for the next")
     project = options.project
-    found = pipeline.guess_picks(project, options.captures or None, progress)
-    kept = pipeline.accept_guesses(project, found, options.accept) if options.accept else []
+    found = pipeline.picking.guess_picks(project, options.captures or None, progress)
+    kept = pipeline.picking.accept_guesses(project, found, options.accept) if options.accept else []
     for name, guesses in found.items():
         first = "; ".join(f"{s.row},{s.col} at {s.u:.1f},{s.v:.1f}" for s in guesses[0]) if guesses else "no guess"
         print(f"{name:20s} {len(guesses)} guesses: {first}{'  (kept)' if name in kept else ''}")
@@ -126,7 +126,7 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import picked
 
     project = options.project
-    runs = {run.number: run for run in pipeline.list_runs(project)}
+    runs = {run.number: run for run in pipeline.runs.list_runs(project)}
 
     def run_of(number: str | int) -> Run:
         if str(number) not in map(str, runs):
@@ -135,15 +135,15 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
         return runs[int(number)]
 
     if options.name is not None:
-        pipeline.rename_run(project, run_of(options.name[0]), options.name[1])
+        pipeline.runs.rename_run(project, run_of(options.name[0]), options.name[1])
     if options.use is not None:
-        pipeline.make_current(project, run_of(options.use))
+        pipeline.runs.make_current(project, run_of(options.use))
     if options.delete is not None:
-        pipeline.delete_run(project, run_of(options.delete))
+        pipeline.runs.delete_run(project, run_of(options.delete))
     differences = (
-        pipeline.compare_runs(run_of(options.compare[0]), run_of(options.compare[1])) if options.compare else ()
+        pipeline.runs.compare_runs(run_of(options.compare[0]), run_of(options.compare[1])) if options.compare else ()
     )
-    used = pipeline.current_runs(project)
+    used = pipeline.runs.current_runs(project)
     listed = [
         {
             "run": run.number,
@@ -154,7 +154,7 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
             "captures": {method: list(names) for method, names in run.captures.items()},
             "sigma0": run.figures.get("photogrammetric", {}).get("sigma0"),
         }
-        for run in pipeline.list_runs(project)
+        for run in pipeline.runs.list_runs(project)
     ]
     for entry in listed:
         sigma0 = f"sigma0 {entry['sigma0']:.3f}" if entry["sigma0"] is not None else ""
@@ -261,7 +261,9 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
         check_out(options.out, ".csv")
     project = options.project
     named = options.camera, options.projector
-    found = pipeline.read_profiles(project, pipeline.kept_evaluation(project), options.capture, _line(options), *named)
+    found = pipeline.tables.read_profiles(
+        project, pipeline.tables.kept_evaluation(project), options.capture, _line(options), *named
+    )
     figures: dict[str, Any] = {}
     for line in [*found.values()][:1]:
         tell_devices(options, *line.devices)
@@ -290,12 +292,12 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _tables(options: Options, progress: Progress) -> dict[str, Any]:
     project = options.project
-    evaluations = pipeline.kept_evaluation(project)
-    write = pipeline.export_report if options.report else pipeline.export_tables
+    evaluations = pipeline.tables.kept_evaluation(project)
+    write = pipeline.tables.export_report if options.report else pipeline.tables.export_tables
     files = write(project, options.out, progress=progress.part(0.0, 0.2))
-    files += pipeline.export_profiles(project, evaluations, options.out, _line(options))
+    files += pipeline.tables.export_profiles(project, evaluations, options.out, _line(options))
     if options.deviations:
-        files += pipeline.export_deviations(project, evaluations, options.out, progress=progress.part(0.2, 1.0))
+        files += pipeline.tables.export_deviations(project, evaluations, options.out, progress=progress.part(0.2, 1.0))
     for file in files:
         print(file)
     return {"files": [str(file) for file in files]}
@@ -306,7 +308,7 @@ def _sign(options: Options, progress: Progress) -> dict[str, Any]:
 
     project = options.project
     if options.withdraw:
-        pipeline.sign_project(project, None)
+        pipeline.signing.sign_project(project, None)
         print("withdrawn")
         return {"signed": False}
     if not options.operator.strip():
@@ -318,7 +320,7 @@ def _sign(options: Options, progress: Progress) -> dict[str, Any]:
             raise InputError("--date", f"is {options.date!r}", "give it as YYYY-MM-DD") from error
     if options.tolerance is not None and not 0 < options.tolerance < float("inf"):
         raise InputError("--tolerance", f"is {options.tolerance}", "give millimetres above 0")
-    signed, found = pipeline.sign_evaluation(
+    signed, found = pipeline.signing.sign_evaluation(
         project,
         options.operator,
         tolerance_mm=options.tolerance,

@@ -97,7 +97,7 @@ def _decode(options: Options, progress: Progress) -> dict[str, Any] | None:
     check_out(options.out, ".npz")
     named = {"camera": options.camera, "projector": options.projector}
     phase = pipeline.decode_capture(options.capture, progress, **named, estimate=options.estimate)
-    pipeline.write_phase(options.out, phase)
+    pipeline.decode.write_phase(options.out, phase)
     print(options.out)
     for note in phase.notes:
         print(note)
@@ -137,13 +137,13 @@ def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
     )
     project = options.project
     calibrations = pipeline.calibrate_project(project, options.method, chosen, progress)
-    figures = pipeline.calibration_figures(calibrations)
+    figures = pipeline.methods.calibration_figures(calibrations)
     for method, entry in figures.items():
         print_verdict(method, entry["verdict"])
         print_left_out(entry["left_out"])
     print()
-    print(pipeline.result_tables(project))
-    print(f"\nkept as run {max(pipeline.current_runs(project).values())}")
+    print(pipeline.report.result_tables(project))
+    print(f"\nkept as run {max(pipeline.runs.current_runs(project).values())}")
     return figures
 
 
@@ -166,12 +166,12 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import verdict_figures
 
-    pipeline.check_cloud(options.out)
+    pipeline.reconstruct.check_cloud(options.out)
     project = options.project
     one_pair = options.projector or (options.method and not pipeline.METHODS[options.method].joint)
-    several = not one_pair and pipeline.seen_by_several(project, options.capture)
+    several = not one_pair and pipeline.views.seen_by_several(project, options.capture)
     if several and options.orient:  # two that are calibrated are corrected as a pair
-        several = pipeline.are_together(project, options.capture)
+        several = pipeline.orient_rig.are_together(project, options.capture)
     rays: Any = options.rays or ("all" if several else "pair")
     if options.fill and rays == "pair":
         raise InputError("--fill texture", "matches between cameras", "give a capture by several cameras, and all rays")
@@ -180,10 +180,10 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             other = f"--method {options.method}" if options.method else "--projector"
             raise InputError("--rays", f"{rays} does not go with {other}", "leave one of the two out")
         named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill), "orient": options.orient}
-        image, cloud = pipeline.reconstruct_views(project, options.capture, **named, progress=progress)
+        image, cloud = pipeline.views.reconstruct_views(project, options.capture, **named, progress=progress)
     else:
         if options.orient and not (options.camera or options.projector or project.rig.is_pair):
-            options.camera, options.projector = pipeline.find_capture(project, options.capture).pairs[0]
+            options.camera, options.projector = pipeline.folders.find_capture(project, options.capture).pairs[0]
             print(f"of {options.camera} with {options.projector}; --camera and --projector choose others")
         phase, cloud = pipeline.reconstruct_capture(
             project,
@@ -196,28 +196,28 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             projector=options.projector,
         )
         image = phase.image
-    points = pipeline.write_cloud(options.out, image, cloud)
+    points = pipeline.reconstruct.write_cloud(options.out, image, cloud)
     print(f"{options.out}: {points} points")
     verdict = verdict_figures(cloud.verdict)
     print_verdict(options.capture, verdict)
     figures: dict[str, Any] = {"points": points, "out": str(options.out), "verdict": verdict}
-    if covered := pipeline.coverage(cloud):
+    if covered := pipeline.views.coverage(cloud):
         print(
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
         )
         figures["covered"] = covered
-    _tell_outdated(options, options.method or pipeline.methods_in_use(project)[0])
+    _tell_outdated(options, options.method or pipeline.calibrate.methods_in_use(project)[0])
     return figures
 
 
 def _merge(options: Options, progress: Progress) -> dict[str, Any]:
-    pipeline.check_cloud(options.out)
-    merged = pipeline.merge_captures(options.project, options.captures, by=options.by, progress=progress)
-    points = pipeline.write_cloud(options.out, merged.image, merged.cloud)
-    for line in pipeline.merge_words(merged):
+    pipeline.reconstruct.check_cloud(options.out)
+    merged = pipeline.merge.merge_captures(options.project, options.captures, by=options.by, progress=progress)
+    points = pipeline.reconstruct.write_cloud(options.out, merged.image, merged.cloud)
+    for line in pipeline.merge.merge_words(merged):
         print(line)
     print(f"{options.out}: {points} points")
-    figures = pipeline.merge_figures(merged)
+    figures = pipeline.merge.merge_figures(merged)
     print_verdict("the merged points", figures["verdict"])
     _tell_outdated(options)
     return {**figures, "out": str(options.out)}
@@ -231,7 +231,7 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     figures = evaluation_figures(evaluations)
     print_plane_verdicts(figures["planes"], not project.rig.is_pair)
     print()
-    print(pipeline.table_of_planes(project, evaluations))
+    print(pipeline.report.table_of_planes(project, evaluations))
     _tell_outdated(options)
     return figures
 
@@ -274,6 +274,6 @@ def _print_doubts(capture: str, figures: dict[str, Any], several: bool) -> None:
 
 def _tell_outdated(options: Options, method: str | None = None) -> None:
     """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
-    if words := pipeline.outdated_words(options.project, method):
+    if words := pipeline.report.outdated_words(options.project, method):
         told = f"{'; '.join(words)}; run `stripe-core update {options.project.path}`"
         print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)

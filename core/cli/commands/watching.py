@@ -66,44 +66,44 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
     if options.capture is None:
         if options.correct or options.length or options.points:
             raise InputError("orient", "no CAPTURE with --correct, --length or --points", "name the capture")
-        charts = pipeline.drift_of(project, significance=options.significance, progress=progress)
-        for line in pipeline.drift_words(charts):
+        charts = pipeline.orient.drift_of(project, significance=options.significance, progress=progress)
+        for line in pipeline.orient_words.drift_words(charts):
             print(line)
-        return pipeline.drift_figures(charts)
-    motions, untold = pipeline.orient_pairs(
+        return pipeline.orient_words.drift_figures(charts)
+    motions, untold = pipeline.orient.orient_pairs(
         project,
         options.capture,
         camera=options.camera,
         projector=options.projector,
         correct=options.correct,
         significance=options.significance,
-        lengths=[pipeline.parse_length(words) for words in options.length],
+        lengths=[pipeline.orient_known.parse_length(words) for words in options.length],
         points=Path(options.points) if options.points not in (None, "testfield") else options.points,
         progress=progress,
     )
     for motion in motions:
-        for line in pipeline.motion_words(motion):
+        for line in pipeline.orient_words.motion_words(motion):
             print(line)
     for (camera, projector), because in untold.items():
         print(f"{motions[0].capture}: {projector} against {camera} cannot be judged: {because}")
-    figures = pipeline.motions_figures(motions, untold)
+    figures = pipeline.orient_words.motions_figures(motions, untold)
     if options.correct:
         for m in motions:
             of = "" if project.rig.is_pair else f" --camera {m.camera} --projector {m.projector}"
             print(f"kept: `stripe-core reconstruct {project.path} {m.capture} --orient{of}` uses it")
     if options.correct and not (options.camera or options.projector or options.length or options.points):
-        together = pipeline.correct_together(project, options.capture, progress)
+        together = pipeline.orient_rig.correct_together(project, options.capture, progress)
         if together is not None:
-            print(*pipeline.together_words(together), sep="\n")
+            print(*pipeline.orient_rig.together_words(together), sep="\n")
             print(f"kept: `stripe-core reconstruct {project.path} {together.capture} --orient` uses it")
-            figures["together"] = pipeline.together_figures(together)
+            figures["together"] = pipeline.orient_rig.together_figures(together)
     return figures
 
 
 def _features(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import verdict_figures
 
-    found = pipeline.measure_features(
+    found = pipeline.features.measure_features(
         options.project,
         options.capture,
         [("circle", text) for text in options.circle] + [("line", text) for text in options.line],
@@ -113,10 +113,10 @@ def _features(options: Options, progress: Progress) -> dict[str, Any]:
         progress=progress,
     )
     for feature in found:
-        print(pipeline.feature_words(feature))
+        print(pipeline.features.feature_words(feature))
     verdict = verdict_figures(found[0].verdict)
     print_verdict(options.capture, verdict)
-    return {"features": [pipeline.feature_figures(feature) for feature in found], "verdict": verdict}
+    return {"features": [pipeline.features.feature_figures(feature) for feature in found], "verdict": verdict}
 
 
 def _live(options: Options, progress: Progress) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def _live(options: Options, progress: Progress) -> dict[str, Any]:
     if options.count is not None and options.count < 1:
         raise InputError("--count", f"is {options.count}", "give 1 or more")
     name, url = named_url(options.projector or "")
-    cycles = pipeline.live_cycles(
+    cycles = pipeline.live.live_cycles(
         options.project,
         projector=url or None,
         camera=camera_urls(options.camera),

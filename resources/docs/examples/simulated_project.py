@@ -13,7 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from core.evaluate import heights
-from core.pipeline import calibrate_project, captures_of, reconstruct_capture, simulate_project
+from core.pipeline import calibrate_project, reconstruct_capture, simulate_project
+from core.pipeline.folders import captures_of
 
 folder = Path(tempfile.mkdtemp()) / "quick"
 project = simulate_project(folder, "quick")

@@ -20,11 +20,11 @@ from core.pipeline import (
     Calibrated,
     CalibrationMethod,
     calibrate_project,
-    captures_of,
-    phase_maps,
     reconstruct_capture,
     simulate_project,
 )
+from core.pipeline.decode import phase_maps
+from core.pipeline.folders import captures_of
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from core.measure import ESTIMATORS, measure_targets
-from core.pipeline import captures_of, decode_capture, simulate_project
+from core.pipeline import decode_capture, simulate_project
+from core.pipeline.folders import captures_of
 
 
 def middle_of_contour(image, rays, profile, light, noise):

@@ -8,7 +8,7 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLineEdit, QWidget
 
-from core.pipeline import Run, current_runs, delete_run, list_runs, make_current, rename_run
+from core.pipeline.runs import Run, current_runs, delete_run, list_runs, make_current, rename_run
 from stripe_gui.presenters.runs import comparison_table, run_title, runs_table
 from stripe_gui.presenters.volumes import difference_view
 from stripe_gui.widgets.layout import (

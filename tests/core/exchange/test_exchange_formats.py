@@ -19,7 +19,7 @@ from core.exchange import FORMATS, fit_pair, pair_to_calibration
 from core.geometry import Pose, matrix_from_rotation_vector, pair_of, perturbed, project
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhotogrammetricCalibration
 from core.orient import find_motion
-from core.pipeline import motion_words
+from core.pipeline.orient_words import motion_words
 from tests.calibrated import calibration_of_pair
 from tests.core.orient import views
 

@@ -12,7 +12,8 @@ import pytest
 from core.errors import InputError
 from core.measure import ESTIMATORS, TARGET_KINDS, Marks, Sight, TargetKind, measure_targets, recognise
 from core.model import DeviceSpec, PhaseMap, Seed, Testfield
-from core.pipeline import guess_picks, measure_project
+from core.pipeline import measure_project
+from core.pipeline.picking import guess_picks
 from core.project import read_project, read_testfield, write_testfield
 
 SIZE = DeviceSpec(200, 160, (0.01, 0.01), 12.0)

@@ -15,7 +15,7 @@ from core.bench.experiment import Experiment
 from core.bench.scenarios import experiment
 from core.cli import main
 from core.model import Subject
-from core.pipeline import drift_of
+from core.pipeline.orient import drift_of
 from core.pipeline.report import report_data
 from core.project import read_project
 from core.report.chapters import CHAPTERS, tables

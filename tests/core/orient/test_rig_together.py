@@ -12,7 +12,7 @@ from core.errors import TooLittleSeenError
 from core.geometry import Pose, calibration_of, changed, project, ray_directions, rotation_vector_from_matrix
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
 from core.orient import OrientOptions, correct_rig, find_motion
-from core.pipeline import together_words
+from core.pipeline.orient_rig import together_words
 from core.reconstruct import seen_by_other
 
 CAMERA, PROJECTOR = DeviceSpec(120, 96, (0.05, 0.05), 12.0), DeviceSpec(640, 640, (0.09, 0.09), 180.0)

@@ -25,9 +25,9 @@ from core.cli import main
 from core.errors import BusyError, InputError, StripeError
 from core.model import DeviceSpec, Interior, ScaleBar, Subject
 from core.patterns import White
-from core.pipeline import CalibrateOptions, Run, current_runs, list_runs, simulate_project
+from core.pipeline import CalibrateOptions, simulate_project
 from core.pipeline.check import check_project
-from core.pipeline.runs import calibration_file, keep_run
+from core.pipeline.runs import Run, calibration_file, current_runs, keep_run, list_runs
 from core.progress import Progress
 from core.project import add_capture, load_archive, read_image, read_project, write_project
 from core.project.contents import hash_file

@@ -16,15 +16,11 @@ from core.cli import main
 from core.errors import StripeError
 from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import Note, PhaseMap, PointCloud, Verdict, named_by
-from core.pipeline import (
-    decode_capture,
-    find_capture,
-    keep_points,
-    load_calibrations,
-    merge_captures,
-    reconstruct_capture,
-)
+from core.pipeline import decode_capture, load_calibrations, reconstruct_capture
+from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
+from core.pipeline.merge import merge_captures
+from core.pipeline.update import keep_points
 from core.project import read_project
 
 OBJECT = "plane+00"

@@ -20,14 +20,14 @@ from core.pipeline import (
     CalibrateOptions,
     calibrate_project,
     load_calibrations,
-    load_evaluation,
     orient_capture,
-    outdated_words,
     project_states,
     report_project,
-    save_sign_off,
     update_project,
 )
+from core.pipeline.evaluate import load_evaluation
+from core.pipeline.report import outdated_words
+from core.pipeline.signing import save_sign_off
 from core.pipeline.states import differences
 from core.project import read_capture, read_project, write_picks
 from core.project.contents import Contents

@@ -28,8 +28,8 @@ from core.model import (
     Testfield,
 )
 from core.patterns import reference_sequence
-from core.pipeline import read_phase, write_phase
 from core.pipeline.check import check_project
+from core.pipeline.decode import read_phase, write_phase
 from core.project import (
     add_capture,
     atomic_write,
