@@ -19,6 +19,7 @@ from core.lazy import dataclass
 from core.model import Capture, Note, PhaseMap, Project, named_by
 from core.parallel import can_fork, on_processes
 from core.pipeline.evidence import shared_frames
+from core.pipeline.folders import own_folder
 from core.progress import SILENT, Progress
 from core.project import atomic_write, find_project, iterate_images, read_capture, read_project
 
@@ -45,7 +46,7 @@ def decode_capture(
     """
     root = find_project(folder)
     project = read_project(root) if root else None
-    capture = one_series(read_capture(folder, project), camera, projector)
+    capture = one_series(read_capture(own_folder(project, folder) if project else folder, project), camera, projector)
     phase = decode_series(capture, project, progress, estimate)
     return replace(phase, notes=(*shared_frames(project, capture), *phase.notes)) if project else phase
 

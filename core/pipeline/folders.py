@@ -52,9 +52,15 @@ def find_capture(project: Project, name: str) -> Capture:
     """Read the capture that a user named: the folder's name, its path from the project, or its path."""
     for folder in (*(f for f in project.captures if f.name == name), project.path / name, Path(name)):
         if os.path.isfile(folder / "capture.json"):  # false for any text that cannot be a path, too
-            return read_capture(folder, project)
+            return read_capture(own_folder(project, folder), project)
     names = [folder.name for folder in project.captures]
     raise InputError(project.path, f"no capture {name!r}", choose_among(name, names))
+
+
+def own_folder(project: Project, folder: Path) -> Path:
+    """Give a capture's folder as its project names it, however the path was written; other folders as they are."""
+    there = os.path.isdir(folder)
+    return next((own for own in project.captures if there and os.path.samefile(own, folder)), folder)
 
 
 def check_names(project: Project, kind: Literal["camera", "projector"], names: Iterable[str]) -> None:

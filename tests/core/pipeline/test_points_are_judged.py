@@ -1,6 +1,7 @@
 """Points are no better than their capture and their calibration, and every command that makes points says so."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -146,7 +147,7 @@ def test_a_capture_without_coordinates_is_named(
 
 
 def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
-    calibrated: Path, tmp_path: Path
+    calibrated: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = calibrated / "captures"
     for name in ("005.png", "006.png"):
@@ -156,6 +157,9 @@ def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
     said = "005.png, 006.png also stands in plane+15: a file of another capture"
     assert said in decode_capture(folder / OBJECT).notes[0]
     assert named_by(decode_capture(folder / OBJECT).notes[0]) == "mistake"
+    monkeypatch.chdir(folder)  # a capture was held against itself where its path was written otherwise
+    assert decode_capture(Path(OBJECT)).notes == decode_capture(folder / OBJECT).notes
+    assert find_capture(read_project(calibrated), os.path.relpath(folder / OBJECT)).path == folder / OBJECT
     assert said in " ".join(reconstruct_capture(read_project(calibrated), OBJECT)[1].verdict.because)
     (folder / "depth-01" / "capture.json").write_text("{")
     assert not any("also stands" in note for note in decode_capture(folder / "testfield-01").notes)
