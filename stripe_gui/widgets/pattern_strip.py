@@ -26,9 +26,9 @@ def picture(pattern: Pattern, lines: tuple[int, int], side: int = SIDE) -> tuple
     Examples
     --------
     >>> from core.patterns import Code
-    >>> drawn, enlarged = picture(Code("gray", "x", 0, 9, 2), (640, 640), 4)
+    >>> drawn, enlarged = picture(Code("gray", "x", 0, 3, 80), (640, 640), 8)
     >>> drawn[0].tolist(), enlarged
-    ([0, 0, 255, 255], False)
+    ([0, 0, 0, 0, 255, 255, 255, 255], False)
     """
     axis = axis_of(pattern) or "x"
     count = lines[0 if axis == "x" else 1]
