@@ -61,9 +61,11 @@ def causes(because: Sequence[str]) -> str:
     --------
     >>> causes(["calibrate is outdated: the scale was 1, is 2", "the scale was 1, is 2", "measure is outdated: a; b"])
     'the scale was 1, is 2; a; and 1 more'
+    >>> causes(["calibrate is outdated: a", "evaluate is outdated: a calibration it takes into account is outdated: a"])
+    'a'
     """
-    each = [part for text in because for part in re.split(r"; |\b\w+ is outdated: ", text) if part]
-    found = list(dict.fromkeys(each))
+    each = [part for text in because for part in text.split("; ")]
+    found = list(dict.fromkeys(re.sub(r"^([^:]+ is outdated: )+", "", part) for part in each))
     more = translate("Stages", "and {n} more").format(n=len(found) - MOST_CAUSES)
     return "; ".join([*map(told, found[:MOST_CAUSES]), *([more] if len(found) > MOST_CAUSES else [])])
 
