@@ -172,10 +172,18 @@ def _few(names: list[str]) -> str:
 
 
 def worst(states: Iterable[State]) -> State:
-    """Give the worst of some states, with all that it is because of."""
+    """Give the worst of some states, with all that it is because of: a cause that is handed on is told once.
+
+    Examples
+    --------
+    >>> worst([State("outdated", ("a",)), State("outdated", ("measure is outdated: a", "b"))]).because
+    ('a', 'b')
+    """
     found = list(states) or [CURRENT]
     word = next(w for w in _WORST if any(s.state == w for s in found))
-    return State(word, tuple(dict.fromkeys(text for s in found if s.state == word for text in s.because)))
+    because = dict.fromkeys(text for s in found if s.state == word for text in s.because)
+    handed_on = tuple(f" is {word}: {text}" for text in because)
+    return State(word, tuple(text for text in because if not text.endswith(handed_on)))
 
 
 def upstream_words(stage: str, state: State) -> tuple[str, ...]:

@@ -323,6 +323,8 @@ def test_no_capture_is_current_in_a_calibration_that_is_outdated(whole: Path) ->
     scale_changed(whole)
     told = project_states(read_project(whole)).captures
     assert {of["calibrate"].state for of in told.values() if "calibrate" in of} == {"outdated"}
+    for stage in ("calibrate", "evaluate"):  # the depth calibration takes the other into account
+        assert because(whole, stage).count("scale.length_mm was") == 1
 
 
 def test_status_tells_every_cause_once(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
