@@ -19,6 +19,7 @@ pixels.py    ... how their frames were stored: bytes, compression, mosaics, size
 unchanging.py ... pixels that no frame changes: dead lines, text drawn into frames
 contradictions.py  ... the share of their pixels that no projector line explains
 beside.py    ... phases that stand beside the code or run away from it, or from each other, by a little
+overlapping.py ... frames that hold light of the pattern after, or before
 exchanged.py ... frames of a code, or phase steps, that stand in each other's place
 mistakes.py  ... and how people describe patterns wrongly
 rigcheck.py  all checks of a rig that two URLs name

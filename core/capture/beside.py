@@ -9,6 +9,7 @@ a code the phases of two periods are compared, over lengths in which a response 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -29,6 +30,7 @@ CYCLES = 2  # of a period that the field must have
 BESIDE, AWAY = 0.25, 0.2  # lines: all over, and over the field; 38 sound captures of 19 rigs have below 0.05
 SIGMAS = 7.0  # of what edges or cycles scatter about a steady change
 STRONG, BRIGHT = 0.5, 0.9  # of the strength of fringes that a quantile of the pixels does not reach
+MORE = 0.02  # correlation with another profile, of 0.1 that sharp waves have
 PIXELS = 500  # on which periods are tried
 CHANCE = 0.25  # of the way from one place to the next: how far chance is from the nearer, in the median
 UNLIKE, LEFT = 0.5, 0.35  # of what chance leaves, where phases belong to no line; of that, and in turns, if right
@@ -99,7 +101,28 @@ def _of_code(
     return (
         f"the phase of period {wave.period:g} stands {abs(found.beside):.2f} lines {way} the edges of the code, all "
         f"over: they fit if the phase steps begin {turn:.3g}° {when}: shift_rad"
+        f"{_other_profile(patterns, images, lines, steps)}"
     )
+
+
+def _other_profile(patterns: Sequence[Pattern], images: Sequence[NDArray], lines: NDArray, steps: Sequence[int]) -> str:
+    """Say that steps look more like waves of the other profile, at the lines decoded."""
+    thin = tuple(slice(None, None, -(-n // (4 * SECTIONS))) for n in lines.shape)
+    valid = np.isfinite(lines[thin])
+    seen = np.array([images[k][thin][valid] for k in steps], np.float64)
+    seen -= seen.mean(axis=0)
+    at = np.rint(lines[thin][valid]).astype(np.int64)
+    alike = {}
+    for profile in ("sine", "square"):
+        waves = [replace(p, profile=profile) for k in steps if isinstance(p := patterns[k], Phase)]
+        shown = np.array([brightness(wave, at) for wave in waves], np.float64)
+        shown -= shown.mean(axis=0)
+        alike[profile] = float(np.sum(seen * shown) / np.sqrt(np.sum(seen**2) * np.sum(shown**2)))
+    said = next(p.profile for k in steps if isinstance(p := patterns[k], Phase))
+    other = "sine" if said == "square" else "square"
+    if alike[other] < alike[said] + MORE:
+        return ""
+    return f"; or their profile is {other}, which they look like, not {said}"
 
 
 def _edges(

@@ -40,15 +40,22 @@ class Looked:
     axis: Axis
     lines: int
     across: int  # of the other axis
+    at: NDArray[np.intp]  # rows and columns of the pixels in the image, (2, n)
 
     @classmethod
     def of(
-        cls, shots: tuple[int, ...], patterns: Sequence[Pattern], values: Array, inverted: Array, lines: tuple[int, int]
+        cls,
+        shots: tuple[int, ...],
+        patterns: Sequence[Pattern],
+        values: Array,
+        inverted: Array,
+        lines: tuple[int, int],
+        at: NDArray[np.intp],
     ) -> Looked:
-        """Frames of one axis; `values` and `inverted` of these (k, n), the projector's columns and rows."""
+        """Frames of one axis; `values` and `inverted` of these (k, n), the projector's lines, pixels (2, n)."""
         axis = axis_of(patterns[0]) or "x"
         limit = max(CONTRADICTION, PER_FRAME * len(shots))
-        return cls(shots, tuple(patterns), values, inverted, limit, axis, lines[axis == "y"], lines[axis == "x"])
+        return cls(shots, tuple(patterns), values, inverted, limit, axis, lines[axis == "y"], lines[axis == "x"], at)
 
 
 def contradicting(values: Array, patterns: Sequence[Pattern], looked: Looked, few: int = PIXELS) -> float:

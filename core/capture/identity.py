@@ -120,7 +120,7 @@ def _axis(
     bad = cost > limit
     share = float(bad.mean())
     patterns, lit = [plan.shots[s] for s in fit.shots], replace(fit, values=fit.values[:, bright])
-    bent = _bent(lit, patterns, lines, limit[bright], share) if share > SHARE else None
+    bent = _bent(lit, patterns, lines, at[:, bright], limit[bright], share) if share > SHARE else None
     if bent is not None and _strange_step(lit.values, patterns, lines, float(np.median(tolerance[bright]))):
         bent = None
     place = _local(bad, at, shape) or _local_lines(bad, fit.lines[best], lines[along == "rows"], along)
@@ -153,12 +153,14 @@ def _axis(
     return Finding("identity", "bad", text, figures, tuple(fit.shots[j] for j in culprits))
 
 
-def _bent(fit: Fit, patterns: list[Pattern], lines: tuple[int, int], limit: Array, share: float) -> float | None:
+def _bent(
+    fit: Fit, patterns: list[Pattern], lines: tuple[int, int], at: NDArray[np.intp], limit: Array, share: float
+) -> float | None:
     """Give what still contradicts if a response or scattered light explains the rest and no edge is misplaced."""
     if fit.values.shape[1] < LEAST_BRIGHT:
         return None
     few = share <= CURVED
-    looked = Looked.of(fit.shots, patterns, fit.values, fit.values, lines)
+    looked = Looked.of(fit.shots, patterns, fit.values, fit.values, lines, at)
     bad, straight = unexplained(fit.values, patterns, replace(looked, limit=limit) if few else looked)
     if (left := float(bad.mean())) > share / (3 if few else 10):
         return None

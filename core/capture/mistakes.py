@@ -33,6 +33,13 @@ MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines
 NEAR = 0.05  # another period than described, relative: a slip, not a multiple
 LEVELLING, LEAST_LEVEL = 3, 0.03  # rounds; share of the pixels that a frame must show bright, and dark
 UNLIKE, MOST_GAIN = 0.2, 3.0  # gains or levels, white = 1, of frames; of one against the others
+RESOLVED = 2.0  # px, of a period
+LEVELLED = {  # bands of rows, and what they say
+    1: ": they fit if every frame has a level and gain of its own: switch off automatic exposure and gain, and lamps "
+    "of the room",
+    12: ": they fit if every frame has a level and gain of its own in every band of rows: a lamp flickers while rows "
+    "are read; expose for whole cycles, or switch it off",
+}
 MOST_FRAMES = 16  # beyond that pairs of frames are not tried
 
 
@@ -71,13 +78,10 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
             if left <= least + min(ALIKE, share / 10):
                 plainest.setdefault(tuple(sorted(changed)), text)
         return Note(f": {'; '.join(plainest.values())}", "mistake"), None
-    levelled = _levelled(looked)
-    if levelled is not None and contradicting(levelled, looked.patterns, looked, FEW) <= most:
-        why = (
-            ": they fit if every frame has a level and gain of its own: switch off automatic exposure and gain, and "
-            "lamps of the room"
-        )
-        return Note(why, "mistake"), None
+    for bands, why in LEVELLED.items():
+        levelled = _levelled(looked, bands)
+        if levelled is not None and contradicting(levelled, looked.patterns, looked, FEW) <= max(most, LEFT):
+            return Note(why, "mistake"), None
     if shown:
         _, name, j = min(shown)
         twins = [k for k, p in enumerate(looked.patterns) if describe(p) == name]
@@ -104,14 +108,25 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
     return Note(f": {why}"), None
 
 
-def _levelled(looked: Looked) -> Array | None:
-    """Values (k, n) without level and gain that every frame has of its own, by the lines told; None without any."""
+def _levelled(looked: Looked, bands: int) -> Array | None:
+    """Values (k, n) without level and gain that every frame has of its own in each band of rows; None without any."""
+    values, uneven = looked.values.copy(), False
+    for some in np.array_split(np.argsort(looked.at[0], kind="stable"), bands):
+        found = _of_band(looked, looked.values[:, some])
+        if found is not None:
+            values[:, some], differ = found
+            uneven |= differ
+    return values if uneven else None
+
+
+def _of_band(looked: Looked, seen_there: Array) -> tuple[Array, bool] | None:
+    """Values (k, n) without level and gain of each frame, by the lines told, and whether these differ."""
     possible, _ = looks(looked.patterns, looked.lines)
-    values = looked.values
+    values = seen_there
     for _ in range(LEVELLING):
         light = possible[:, nearest(values, possible)[1]]
         levelled, gains, levels = [], [], []
-        for shown, seen in zip(light, looked.values, strict=True):
+        for shown, seen in zip(light, seen_there, strict=True):
             ends = [w for w in (shown < 0.3, shown > 0.7) if w.sum() >= LEAST_LEVEL * len(shown)]
             if not ends:
                 return None
@@ -126,10 +141,8 @@ def _levelled(looked: Looked) -> Array | None:
             levelled.append((seen - here[0]) / gain + told[0])
             gains.append(gain)
             levels.append(here[0] - gain * told[0])
-        if max(np.ptp(gains), np.ptp(levels)) < UNLIKE:
-            return None
         values = np.array(levelled, np.float32)
-    return values
+    return values, max(np.ptp(gains), np.ptp(levels)) >= UNLIKE
 
 
 def left_unexplained(looked: Looked, few: int = PIXELS) -> tuple[float, float]:
@@ -158,6 +171,29 @@ def more_lines(looked: Looked, share: float, left: float) -> str:
     return (
         f"frames across {along} contradict each other in {share:.0%} of the pixels: they fit if the projector has more "
         f"than {looked.lines} lines: {word} in project.json"
+    )
+
+
+def too_fine(looked: Looked) -> str:
+    """Say that the finest stripes are narrower than pixels resolve, by the lines that the pixels are told."""
+    periods = [p.period for p in looked.patterns if isinstance(p, Phase)]
+    if not periods or not any(isinstance(p, Code) for p in looked.patterns):
+        return ""
+    possible, line = looks(looked.patterns, looked.lines)
+    told = line[nearest(looked.values, possible)[1]].astype(np.float64)
+    A = np.column_stack([*looked.at, np.ones_like(told)])
+    keep = np.ones(len(told), bool)
+    for _ in range(4):
+        across = np.linalg.lstsq(A[keep], told[keep], rcond=None)[0]
+        off = np.abs(told - A @ across)
+        keep = off <= 3 * median_of(off) + 1e-6
+    width = min(periods) / max(float(np.hypot(*across[:2])), 1e-9)
+    if width >= RESOLVED:
+        return ""
+    along = "columns" if looked.axis == "x" else "rows"
+    return (
+        f"frames across {along}: stripes of {min(periods):g} lines are {width:.1f} px wide in the camera, which "
+        f"resolves {RESOLVED:g} at best: show longer periods and wider cells, or let the camera come nearer"
     )
 
 

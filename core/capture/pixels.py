@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -20,12 +21,15 @@ STEADY = 0.1  # share by which the light may change from one square of 2 px to t
 BESIDE = 4  # grey values to either side that tell how often one is expected
 FILLED = 40  # times
 LEAST_VALUES = 16
+GAPS = 0.1  # of the grey values; brighter by a tenth leaves out a tenth
 UNEVEN = 1.2  # of four neighbours, each with its own all over: taps of one sensor differ by a few hundredths
 SOME = 5  # frames that are looked at
 FLAT = 0.1  # of the brightest frame's range: a column that varies less may be unlit
 EVEN = 0.5  # of the others: a camera's image is not so even where it is lit
 REPEATED = 0.15  # of the columns and of the rows; of noise none, and half of them where two pixels were made of one
 HALF = 0.4, 0.6  # of the rows, where every second one is a copy
+FRAMES, UNLIKE, LIKE = 8, 0.25, 0.1  # that are looked at; of the range of grey values
+COMBED = 0.15, 0.03  # of the rows in the median, at least, and of the columns; sound frames of two rigs have none
 ROUGHER = 2.0  # sound frames of 8 to 12 bits have at most 1; exchanged ones 3.2 to 50, on three captures of one rig
 
 
@@ -59,6 +63,20 @@ def gaps_among(images: Sequence[NDArray]) -> float:
     below, above = (np.max([count[BESIDE + sign * k :][:own] for k in beside], axis=0) for sign in (-1, 1))
     told = np.minimum(below, above) >= FILLED
     return float(np.mean(count[BESIDE : BESIDE + own][told] == 0)) if np.count_nonzero(told) >= LEAST_VALUES else 0.0
+
+
+def edited(found: Sequence[Finding], images: Sequence[NDArray]) -> list[Finding]:
+    """Say of contradictions without another cause that grey values are left out, where they are."""
+    if all(f.names != "capture" for f in found):
+        return [*found]
+    some = [images[k] for k in spaced(len(images), FRAMES)]  # each may have been changed in its own way
+    if (gaps := max(gaps_among(images), median_of([gaps_among([image]) for image in some]))) < GAPS:
+        return [*found]
+    why = (
+        f"{gaps:.0%} of the grey values are left out: frames were equalised, stretched or given a gamma after the "
+        "camera; record them as they come"
+    )
+    return [replace(f, text=f"{f.text.partition(': ')[0]}: {why}") if f.names == "capture" else f for f in found]
 
 
 def compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
@@ -100,6 +118,30 @@ def enlarged(images: Sequence[NDArray]) -> list[Finding]:
         f"about {size[0]} x {size[1]} px were enlarged: record it with the camera's settings of the others, unbinned"
     )
     return [Finding("enlarged", "bad", text, {"repeated": min(shares)}, names="mistake")]
+
+
+def combed(images: Sequence[NDArray]) -> list[Finding]:
+    """Rows are unlike the two beside them, and these like each other, in most frames; columns are not."""
+    shares = []
+    for image in (images[k] for k in spaced(len(images), FRAMES)):
+        full = float(np.ptp(image[::8, ::8]))
+        shares.append([_unlike_both(np.asarray(way, np.float32), full) for way in (image[:, ::32], image[::32].T)])
+    rows, columns = (median_of(way) for way in zip(*shares, strict=True))
+    if rows < COMBED[0] or columns > COMBED[1]:
+        return []
+    text = (
+        f"every second row shows other patterns than those between them, in {rows:.0%} of what is lit: fields of a "
+        "video exposed under two patterns; show each for two whole frames, or have the camera record progressively"
+    )
+    return [Finding("fields", "bad", text, {"combed": rows}, names="mistake")]
+
+
+def _unlike_both(image: NDArray[np.float32], full: float) -> float:
+    """Share of the lit pixels that differ from the ones above and below, which are alike."""
+    step = np.abs(np.diff(image, axis=0))
+    lit = np.maximum(image[1:-1], image[2:]) > UNLIKE * full
+    there = (np.minimum(step[:-1], step[1:]) > UNLIKE * full) & (np.abs(image[2:] - image[:-2]) < LIKE * full)
+    return int(np.count_nonzero(there & lit)) / max(int(np.count_nonzero(lit)), 1)
 
 
 def _even(image: NDArray) -> bool:

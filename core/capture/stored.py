@@ -19,8 +19,20 @@ from numpy.typing import NDArray
 from core.capture.beside import beside_code
 from core.capture.contradictions import PIXELS, Looked
 from core.capture.exchanged import exchanged_frames
-from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines
-from core.capture.pixels import GRID, IRRATIONAL, LEAST_LIT, bytes_exchanged, compressed, enlarged, mosaic, scattered
+from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, too_fine
+from core.capture.overlapping import overlapping
+from core.capture.pixels import (
+    GRID,
+    IRRATIONAL,
+    LEAST_LIT,
+    bytes_exchanged,
+    combed,
+    compressed,
+    edited,
+    enlarged,
+    mosaic,
+    scattered,
+)
 from core.capture.plan import Plan
 from core.capture.quality import BRIGHT, Sampled, summarise
 from core.capture.unchanging import unchanging
@@ -62,7 +74,7 @@ def check_stored(
     if len({(f.camera, f.projector) for f in capture.frames}) > 1:
         return []  # frames of several devices are no one sequence
     patterns = [frame.pattern for frame in capture.frames]
-    if told := [*bytes_exchanged(images), *enlarged(images)]:
+    if told := [*bytes_exchanged(images), *enlarged(images), *combed(images)]:
         return told
     exposures = sorted({f.exposure_ms for f in capture.frames if f.exposure_ms is not None})
     if len(exposures) > 1:
@@ -87,7 +99,8 @@ def check_stored(
         checks = {f.check for f in found}
         if "light" not in checks:
             doubled = [] if "saturation" in checks else _doubled(plan, images, sampled.noise)
-            found += doubled or _contradictions(plan, sampled, lines, SHARE * (1 + ("saturation" in checks)))
+            told = doubled or _contradictions(plan, sampled, lines, SHARE * (1 + ("saturation" in checks)))
+            found += edited(told, images)
         found += _halves(plan, images)
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
@@ -194,17 +207,21 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
         if len(shots) < 4:
             continue
         own = list(shots)
-        looked = Looked.of(shots, [plan.shots[i] for i in shots], values[own], inverted[own], lines)
+        looked = Looked.of(
+            shots, [plan.shots[i] for i in shots], values[own], inverted[own], lines, sampled.at[:, good]
+        )
         if told := degrees(looked):
             found.append(Finding("identity", "bad", told, shots=shots, names="mistake"))
             continue
         share, left = left_unexplained(looked, FEW)
         if share > SHARE / 2 or share - left > BEYOND / 2:
             share, left = left_unexplained(looked)
-        if told := more_lines(looked, share, left):
+        along = "columns" if axis == "x" else "rows"
+        if told := (share > most and too_fine(looked)) or overlapping(plan, looked, share, most):
+            found.append(Finding("identity", "bad", told, {"contradicting": share}, names="mistake"))
+        elif told := more_lines(looked, share, left):
             found.append(Finding("lines", "bad", told, {"contradicting": share}, names="mistake"))
         elif share > most:
-            along = "columns" if axis == "x" else "rows"
             text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
             cause, shot = explanation(plan, values, looked, share)
             shown = () if shot is None else (shot,)

@@ -367,6 +367,23 @@ def fields_exchanged(images: Images) -> Images:
     return [i[np.minimum(np.arange(len(i)) ^ 1, len(i) - 1)] for i in images]
 
 
+def fields_woven(images: Images) -> Images:
+    """Odd rows of the video image still show the pattern before."""
+    odd = (np.arange(len(images[0])) % 2 > 0)[:, None]
+    return [np.where(odd, a, b) for a, b in zip([images[0], *images], images, strict=False)]
+
+
+def flickering(images: Images) -> Images:
+    """A lamp goes dark and bright while rows are read."""
+    rows = np.arange(len(images[0]))[:, None]
+    return [i * (0.7 + 0.3 * np.sin(rows / 25 + 2.3 * k)) for k, i in enumerate(images)]
+
+
+def equalised(images: Images) -> Images:
+    """The histogram of every frame made even, in 8 bits."""
+    return [cv2.equalizeHist((i * (255 / full(i))).astype(np.uint8)) * (full(i) / 255) for i in images]
+
+
 def other_size(folder: Path) -> None:
     path = (
         named(folder, "testfield-04")[0]

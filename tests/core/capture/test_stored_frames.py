@@ -186,8 +186,32 @@ EXCHANGED: dict[str, tuple[Callable[[Frames], Frames], str]] = {
     "three times too long": (lambda f: [np.clip(3.0 * i, 0, 255).astype(np.uint8) for i in f], "saturated"),
     "dark": (lambda f: [(i // 60).astype(np.uint8) for i in f], "light"),
     "exposed one by one": (lambda f: exposed_by_itself(f), "columns .* they fit if every frame has a level and gain"),
+    "half of the next in each": (lambda f: lagging(f, 0.5), "across rows: every frame holds about [45].% .* after it"),
+    "a sixth of the last in each": (
+        lambda f: lagging(f[::-1], 0.16)[::-1],
+        "columns: every .* 1[4-7]% .* before",
+    ),
+    "fields of two patterns": (lambda f: woven(f), "every second row shows other patterns"),
+    "a lamp flickers over the rows": (lambda f: flickering(f), "own in every band of rows: a lamp flickers"),
+    "equalised": (lambda f: [cv2.equalizeHist(i) for i in f], "% of the grey values are left out: frames were equal"),
     "one field, doubled": (lambda f: [i[np.arange(len(i)) // 2 * 2] for i in f], "every second row repeats"),
 }
+
+
+def lagging(f: Frames, part: float) -> Frames:
+    """Each holds a part of the light of the one behind it."""
+    return [np.rint((1 - part) * a + part * b).astype(np.uint8) for a, b in zip(f, [*f[1:], f[-1]], strict=True)]
+
+
+def woven(f: Frames) -> Frames:
+    """Odd rows are of the frame before."""
+    odd = (np.arange(SHAPE[0]) % 2 > 0)[:, None]
+    return [np.where(odd, a, b) for a, b in zip([f[0], *f], f, strict=False)]
+
+
+def flickering(f: Frames) -> Frames:
+    rows = np.arange(SHAPE[0])[:, None]
+    return [np.rint(i * (0.7 + 0.3 * np.sin(rows / 25 + 2.3 * k))).astype(np.uint8) for k, i in enumerate(f)]
 
 
 def exposed_by_itself(f: Frames) -> Frames:
@@ -201,6 +225,24 @@ def test_frames_that_are_not_what_they_claim_are_named(kind: str, taken: tuple[l
     change, words = EXCHANGED[kind]
     found = told(patterns, change(images))
     assert re.search(words, found), found
+
+
+@pytest.mark.parametrize("said", ["square", "sine"])
+def test_waves_of_another_profile_are_named_where_they_stand_beside_the_code(said: str) -> None:
+    each = (gray_and_phase(a, 160, cell=8, periods=[16.0], steps=3, profile="sine", first_shift_rad=0.3) for a in "xy")  # type: ignore[arg-type]
+    patterns: list[Pattern] = [*chain(*each), White(), Black()]
+    images = render(patterns, 5, dots=False)
+    found = told([of(Phase, profile=lambda p: said)(p) for p in patterns], images)
+    assert found.count("or their profile is sine, which they look like, not square") == 2 * (said == "square"), found
+
+
+def test_stripes_too_fine_for_the_camera_are_named() -> None:
+    each = (gray_and_phase(a, 160, cell=2, periods=[3.0], steps=4, profile="square") for a in "xy")  # type: ignore[arg-type]
+    patterns: list[Pattern] = [*chain(*each), White(), Black()]
+    images = [cv2.blur(image, (2, 2))[::4, ::4].copy() for image in render(patterns, 5, dots=False)]
+    found = told(patterns, images, decoded=False)
+    assert "across columns: stripes of 3 lines are 1.4 px wide in the camera" in found
+    assert "another capture" not in found
 
 
 def test_exchanged_steps_without_a_code_contradict() -> None:
