@@ -182,7 +182,7 @@ def worst(states: Iterable[State]) -> State:
     found = list(states) or [CURRENT]
     word = next(w for w in _WORST if any(s.state == w for s in found))
     because = dict.fromkeys(text for s in found if s.state == word for text in s.because)
-    handed_on = tuple(f" is {word}: {text}" for text in because)
+    handed_on = tuple(": " + text for text in because)
     return State(word, tuple(text for text in because if not text.endswith(handed_on)))
 
 
