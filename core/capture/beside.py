@@ -57,7 +57,7 @@ def beside_code(
 
     `lines` are the projector's columns and rows.
     """
-    found = []
+    found, looked_at = [], 0
     for axis, places, along in maps:
         steps: dict[float, list[int]] = {}
         for k, p in enumerate(patterns):
@@ -72,8 +72,11 @@ def beside_code(
             text = _of_code(patterns, images, places, finest, steps[min(steps)])
         else:
             text = _of_periods(patterns, images, places, steps, lines[axis == "y"])
+        looked_at += 1
         if text:
             found.append(Finding("identity", "bad", f"frames across {along}: {text}", names="mistake"))
+    if looked_at > len(found) == 1:  # patterns are described alike along both axes
+        found = [replace(f, text=f"{f.text}; or what is seen moved between them") for f in found]
     return found
 
 

@@ -93,7 +93,7 @@ def check_stored(
         if any("claims black" in f.text for f in named) and all(
             i.min() == 0 and i.max() >= sampled.full for i in images
         ):
-            hint = f", or, as all frames reach from 0 to {sampled.full:g}, each stretched to its full range"
+            hint = f", or, as all frames reach from 0 to {sampled.full:g}, each stretched or equalised"
             named = [replace(f, text=f.text + hint) for f in named]
         found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
         checks = {f.check for f in found}

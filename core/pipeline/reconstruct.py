@@ -7,8 +7,18 @@ from typing import Any
 
 from core.atomic import check_place
 from core.errors import InputError
-from core.model import Floats, Method, PhaseMap, PhotogrammetricCalibration, PointCloud, Project
-from core.pipeline.calibrate import chosen_calibration
+from core.model import (
+    Calibration,
+    DepthCalibration,
+    Floats,
+    Method,
+    Pair,
+    PhaseMap,
+    PhotogrammetricCalibration,
+    PointCloud,
+    Project,
+)
+from core.pipeline.calibrate import chosen_calibration, photogrammetric_calibration
 from core.pipeline.decode import decode_series, one_series, phase_maps
 from core.pipeline.evidence import points_of, shared_frames
 from core.pipeline.folders import find_capture
@@ -16,6 +26,7 @@ from core.pipeline.judge import judge_points, said_of
 from core.pipeline.method import CalibrationMethod, strangers
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import oriented
+from core.pipeline.runs import current_runs
 from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
 from core.project import atomic_write
@@ -61,8 +72,16 @@ def reconstruct_capture(
         seen = [phase]
         with points_of(capture, seen):
             cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
-    said = (*shared_frames(project, capture), *said_of(capture, seen, used))
+    said = (*shared_frames(project, capture), *said_of(capture, seen, _witness(project, chosen, used)))
     return phase, judge_points(cloud, {capture.name: said}, chosen, calibration)
+
+
+def _witness(project: Project, method: Method, used: Calibration | Pair) -> Calibration | Pair:
+    """Give the calibration that tells whether the rig has moved: for one of depths, that of devices of the same run."""
+    runs = current_runs(project)
+    if isinstance(used, DepthCalibration) and runs.get("photogrammetric") == runs.get(method):
+        return photogrammetric_calibration(project)
+    return used
 
 
 def check_pair(project: Project, record: CalibrationMethod, calibration: Any, camera: str, projector: str) -> None:

@@ -236,6 +236,21 @@ def test_waves_of_another_profile_are_named_where_they_stand_beside_the_code(sai
     assert found.count("or their profile is sine, which they look like, not square") == 2 * (said == "square"), found
 
 
+def test_a_phase_that_stands_beside_the_code_along_one_axis_may_have_moved() -> None:
+    """Steps of columns alone show everything 0.5 lines off, as of an object that moved between code and steps."""
+    each = (gray_and_phase(a, 160, cell=8, periods=[16.0], steps=4, profile="sine") for a in "xy")  # type: ignore[arg-type]
+    patterns: list[Pattern] = [*chain(*each), White(), Black()]
+    images = render(patterns, 5)
+    off = np.pi / 16
+    for axes in ("x", "xy"):
+        given = [
+            replace(p, shift_rad=p.shift_rad + off) if isinstance(p, Phase) and p.axis in axes else p for p in patterns
+        ]
+        found = told(given, images)
+        assert "across columns: the phase of period 16 stands 0.5" in found
+        assert found.endswith("shift_rad; or what is seen moved between them") == (axes == "x")
+
+
 def test_stripes_too_fine_for_the_camera_are_named() -> None:
     each = (gray_and_phase(a, 160, cell=2, periods=[3.0], steps=4, profile="square") for a in "xy")  # type: ignore[arg-type]
     patterns: list[Pattern] = [*chain(*each), White(), Black()]

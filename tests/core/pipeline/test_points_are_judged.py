@@ -77,6 +77,9 @@ def test_what_speaks_against_a_capture_speaks_against_its_points(
     assert verdict["state"] == state
     assert why in " ".join(verdict["because"])
     assert f"{OBJECT}: {state}" in capsys.readouterr().out
+    by_depth = ["reconstruct", str(calibrated), OBJECT, "--method", "polynomial", "--out", str(tmp_path / "p.npz")]
+    assert told(by_depth, tmp_path)["verdict"]["state"] == state  # told by the calibration of devices of the same run
+    capsys.readouterr()
     batch = told(["batch", str(calibrated), OBJECT, "--do", "reconstruct", "--out", str(tmp_path / "b")], tmp_path)
     assert batch["captures"][0]["reconstruct"]["verdict"] == verdict
     assert (f"{OBJECT}: {state}" in capsys.readouterr().out) == (state != "passed")
