@@ -139,13 +139,13 @@ def orient_capture(
     """
     calibration = photogrammetric_calibration(project)
     look = Look(project, find_capture(project, name), calibration)
-    how = _Wanted(correct, keep, significance, tuple(lengths), points)
+    how = Wanted(correct, keep, significance, tuple(lengths), points)
     return _orient(look, look.series(camera, projector), how, progress)
 
 
 @dataclass(frozen=True)
-class _Wanted:
-    """The options of `orient_capture`."""
+class Wanted:
+    """The options of `orient_capture`, which tells of them."""
 
     correct: bool = False
     keep: bool = True
@@ -159,7 +159,7 @@ class _Wanted:
         return bool(self.correct or self.lengths or self.points)
 
 
-def _orient(look: Look, series: Sequence[Capture], wanted: _Wanted, progress: Progress) -> RigMotion:
+def _orient(look: Look, series: Sequence[Capture], wanted: Wanted, progress: Progress) -> RigMotion:
     from core.orient import OrientOptions, find_motion
 
     significance, points, (capture, *others) = wanted.significance, wanted.points, series
@@ -190,17 +190,13 @@ def _orient(look: Look, series: Sequence[Capture], wanted: _Wanted, progress: Pr
 def orient_pairs(
     project: Project,
     name: str,
+    wanted: Wanted | None = None,
     *,
     camera: str = "",
     projector: str = "",
-    correct: bool = False,
-    keep: bool = True,
-    significance: float = 1e-3,
-    lengths: Sequence[KnownLength] = (),
-    points: Path | Literal["testfield"] | None = None,
     progress: Progress = SILENT,
 ) -> tuple[list[RigMotion], dict[tuple[str, str], str]]:
-    """Say it of every two devices of a capture, or of those named; for the rest see `orient_capture`.
+    """Say it of every two devices of a capture, or of those named.
 
     Returns
     -------
@@ -211,9 +207,9 @@ def orient_pairs(
     """
     calibration = photogrammetric_calibration(project)
     look = Look(project, find_capture(project, name), calibration)
-    wanted = _Wanted(correct, keep, significance, tuple(lengths), points)
+    wanted = wanted or Wanted()
     pairs = look.chosen(camera, projector, only_watched=not wanted.more)
-    if not pairs or (lengths and len({pair[0] for pair in pairs}) > 1):
+    if not pairs or (wanted.lengths and len({pair[0] for pair in pairs}) > 1):
         one_series(look.capture, camera, projector)  # places are in one camera's image
     found: list[RigMotion] = []
     there = [pair for pair in pairs if set(pair) <= set(calibration.devices)]
@@ -221,7 +217,7 @@ def orient_pairs(
     known_pairs = there or pairs[:1]  # of which what lacks is said
     because = f"the calibration in use is of {', '.join(calibration.devices)} alone"
     untold = {pair: because for pair in pairs if pair not in known_pairs} if calibration.projectors else {}
-    wanted = replace(wanted, significance=significance / len(known_pairs))
+    wanted = replace(wanted, significance=wanted.significance / len(known_pairs))
     for pair, part in zip(known_pairs, progress.parts(len(known_pairs)), strict=True):
         try:
             found.append(_orient(look, look.series(*pair), wanted, part))
@@ -280,7 +276,7 @@ def kept_correction(project: Project, capture: Capture, path: Path, signature: s
 
 def _motion_if_seen(look: Look, series: Sequence[Capture]) -> RigMotion | None:
     try:
-        return _orient(look, series, _Wanted(), SILENT)
+        return _orient(look, series, Wanted(), SILENT)
     except InputError:  # one axis, too few pixels, or frames that do not decode
         return None
 

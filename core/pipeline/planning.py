@@ -117,9 +117,8 @@ def expected(spec: SequenceSpec, size: tuple[int, int], light: RigLight, seed: i
     """Draw frames of a sequence along the columns, decode them and compare with the truth."""
     per_axis = dict(spec.options)
     if spec.preset == "dense":
-        per_axis["frames"] = (per_axis.get("frames", 28) - 2 * bool(per_axis.get("plain"))) // 2 + 2 * bool(
-            per_axis.get("plain")
-        )
+        plain = 2 * bool(per_axis.get("plain"))  # white and black, once for both axes
+        per_axis["frames"] = (per_axis.get("frames", 28) - plain) // 2 + plain
     patterns = SequenceSpec(spec.preset, {**per_axis, "axes": "x"}).patterns(size)
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
     t = x / (WIDTH - 1)

@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import Capture, DriftPoint, Project
-from core.pipeline.orient import orient_pairs
+from core.pipeline.orient import Wanted, orient_pairs
 from core.pipeline.orient_words import ACTION, WARNING, motion_words
 from core.progress import SILENT, Progress
 from core.report import Number, Table
@@ -92,7 +92,7 @@ def health_of(project: Project, capture: Capture, progress: Progress = SILENT) -
     Nothing is kept: whoever looks at a capture changes no report.
     """
     try:
-        motions, _ = orient_pairs(project, capture.name, camera=capture.camera, keep=False, progress=progress)
+        motions, _ = orient_pairs(project, capture.name, Wanted(keep=False), camera=capture.camera, progress=progress)
     except InputError as error:
         return Health("info", sentence(error.seen))
     motion = min(motions, key=lambda motion: motion.p)

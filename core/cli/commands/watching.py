@@ -70,17 +70,14 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
         for line in pipeline.orient_words.drift_words(charts):
             print(line)
         return pipeline.orient_words.drift_figures(charts)
-    motions, untold = pipeline.orient.orient_pairs(
-        project,
-        options.capture,
-        camera=options.camera,
-        projector=options.projector,
+    wanted = pipeline.orient.Wanted(
         correct=options.correct,
         significance=options.significance,
         lengths=[pipeline.orient_known.parse_length(words) for words in options.length],
         points=Path(options.points) if options.points not in (None, "testfield") else options.points,
-        progress=progress,
     )
+    named = {"camera": options.camera, "projector": options.projector}
+    motions, untold = pipeline.orient.orient_pairs(project, options.capture, wanted, **named, progress=progress)
     for motion in motions:
         for line in pipeline.orient_words.motion_words(motion):
             print(line)
