@@ -42,8 +42,9 @@ MUCH = 1.4  # times the sigma by noise: as much variance comes from something el
 MANY = 0.1  # part of the lit pixels that a cause must have to be told
 SECOND_OF_FRINGES = (
     "In {} of the pixels about {} of the light comes by a second way, by gloss or from a facing wall, or a lamp "
-    "flickers from row to row: sigma holds most of that, but little of light from within a few lines. Dull the "
-    "surface, show shorter periods, or expose for whole cycles of the lamp."
+    "flickers from row to row, or something moved between code and steps: sigma holds most of that, but little of "
+    "light from within a few lines. Dull the surface, fasten all, show shorter periods, or expose for whole cycles of "
+    "the lamp."
 )
 SECOND_OF_WORDS = (
     "In {} of the pixels about {} of the light comes by a second way, by gloss or from a facing wall: sigma holds "

@@ -251,6 +251,19 @@ def test_a_phase_that_stands_beside_the_code_along_one_axis_may_have_moved() -> 
         assert found.endswith("shift_rad; or what is seen moved between them") == (axes == "x")
 
 
+def test_what_moves_by_part_of_a_line_between_code_and_steps_is_in_sigma_and_told() -> None:
+    each = (gray_and_phase(a, 160, cell=4, periods=[8.0], steps=4, profile="sine") for a in "xy")  # type: ignore[arg-type]
+    patterns: list[Pattern] = [*chain(*each), White(), Black()]
+    images, sigma = render(patterns, 5), []
+    for lines in (0.0, 0.2):
+        change = of(Phase, shift_rad=lambda p, by=lines: p.shift_rad + (p.axis == "x") * 2 * np.pi * by / 8)
+        phase = decode([change(p) for p in patterns], images, lines=LINES, where="test")
+        assert any("or something moved between code and steps" in note for note in phase.notes) == (lines > 0)
+        sigma.append(float(np.nanmedian(phase.sigma_u)))
+    assert sigma[0] < 0.03
+    assert sigma[1] > 0.15
+
+
 def test_stripes_too_fine_for_the_camera_are_named() -> None:
     each = (gray_and_phase(a, 160, cell=2, periods=[3.0], steps=4, profile="square") for a in "xy")  # type: ignore[arg-type]
     patterns: list[Pattern] = [*chain(*each), White(), Black()]
