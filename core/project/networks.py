@@ -18,6 +18,8 @@ from core.project.rigs import device_to_dict, read_device, read_length
 SEVERAL, TINY = 8, 0.02  # observations of a device that reach over so little of its image tell nothing
 APART = 20.0  # sigmas between the images of two points: they are at different places
 
+_Seen = tuple[float, float, float]  # u, v and sigma, px
+
 
 def read_network(folder: Path) -> Network:
     """Read network.json, points.csv and observations.csv; every station is free unless devices are rigid.
@@ -35,39 +37,15 @@ def read_network(folder: Path) -> Network:
         stations[name] = fields.nested("stations").nested(name).text("device", among=list(devices))
     if not devices or not stations:
         raise InputError(folder / "network.json", "no devices or no stations", "list at least one of each")
-    points: dict[str, list[float]] = {}
-    sigmas = tuple(f"sigma_{axis}_mm" for axis in "xyz")
-    columns: tuple[str, ...] = ("point", "x_mm", "y_mm", "z_mm")
-    for row in read_table(folder / "points.csv", columns, texts=("point",), optional=sigmas):
-        name = row.text("point")
-        if name in points:
-            raise InputError(row.where, f"point {name!r} is there already", "remove one of the two")
-        known = [row.real(column, least=0.0, default=np.inf) for column in sigmas]
-        points[name] = [row.real(f"{axis}_mm") for axis in "xyz"] + known
+    points = _points(folder / "points.csv")
     names, index = [{name: i for i, name in enumerate(of)} for of in (points, stations)]
-    seen: dict[tuple[int, int], tuple[float, float, float]] = {}
-    columns = ("station", "point", "u", "v", "sigma_px")
-    for row in read_table(folder / "observations.csv", columns, texts=("station", "point")):
-        pair = _known(row, "station", index, "network.json"), _known(row, "point", names, "points.csv")
-        if pair in seen:
-            seen_in = f"point {row.text('point')!r} is there already in station {row.text('station')!r}"
-            raise InputError(row.where, seen_in, "remove one of the two")
-        seen[pair] = row.data["u"], row.data["v"], row.real("sigma_px", above=0.0)
+    seen = _observations(folder / "observations.csv", index, names)
     xyz, point_sigma = np.hsplit(np.array(list(points.values())).reshape(-1, 6), [3])
     station, point = np.array(list(seen), np.int64).reshape(-1, 2).T
     u, v, sigma = np.array(list(seen.values())).reshape(-1, 3).T
-    _check_held_apart(
-        folder, seen, tuple(names), tuple(stations), np.where((point_sigma == 0).all(axis=1)[:, None], xyz, np.nan)
-    )
-    by = np.array(list(stations.values()))[station]
-    for name, device in devices.items():
-        reach = [float(np.ptp(each[by == name])) if np.any(by == name) else np.inf for each in (u, v)]
-        size = device.spec.width, device.spec.height
-        if np.count_nonzero(by == name) >= SEVERAL and all(r < TINY * n for r, n in zip(reach, size, strict=True)):
-            told = (
-                f"u and v of device {name!r} reach over {reach[0]:.3g} x {reach[1]:.3g} of its {size[0]} x {size[1]} px"
-            )
-            raise InputError(folder / "observations.csv", told, "give u and v in pixels, not in mm")
+    held_mm = np.where((point_sigma == 0).all(axis=1)[:, None], xyz, np.nan)
+    _check_held_apart(folder, seen, tuple(names), tuple(stations), held_mm)
+    _check_pixels(folder, devices, np.array(list(stations.values()))[station], u, v)
     scale = fields.optional("scale")
     return Network(
         devices,
@@ -86,9 +64,46 @@ def read_network(folder: Path) -> Network:
     )
 
 
+def _points(path: Path) -> dict[str, list[float]]:
+    """Read X, Y, Z of every point and their sigmas, 0 where held and infinite where free."""
+    points: dict[str, list[float]] = {}
+    sigmas = tuple(f"sigma_{axis}_mm" for axis in "xyz")
+    for row in read_table(path, ("point", "x_mm", "y_mm", "z_mm"), texts=("point",), optional=sigmas):
+        name = row.text("point")
+        if name in points:
+            raise InputError(row.where, f"point {name!r} is there already", "remove one of the two")
+        known = [row.real(column, least=0.0, default=np.inf) for column in sigmas]
+        points[name] = [row.real(f"{axis}_mm") for axis in "xyz"] + known
+    return points
+
+
+def _observations(path: Path, stations: dict[str, int], points: dict[str, int]) -> dict[tuple[int, int], _Seen]:
+    """Read u, v and sigma by the numbers of station and point."""
+    seen: dict[tuple[int, int], _Seen] = {}
+    for row in read_table(path, ("station", "point", "u", "v", "sigma_px"), texts=("station", "point")):
+        pair = _known(row, "station", stations, "network.json"), _known(row, "point", points, "points.csv")
+        if pair in seen:
+            seen_in = f"point {row.text('point')!r} is there already in station {row.text('station')!r}"
+            raise InputError(row.where, seen_in, "remove one of the two")
+        seen[pair] = row.data["u"], row.data["v"], row.real("sigma_px", above=0.0)
+    return seen
+
+
+def _check_pixels(folder: Path, devices: Mapping[str, NetworkDevice], by: Array, u: Array, v: Array) -> None:
+    """Refuse coordinates, each `by` a device, that fill so little of the image that they must be millimetres."""
+    for name, device in devices.items():
+        reach = [float(np.ptp(each[by == name])) if np.any(by == name) else np.inf for each in (u, v)]
+        size = device.spec.width, device.spec.height
+        if np.count_nonzero(by == name) >= SEVERAL and all(r < TINY * n for r, n in zip(reach, size, strict=True)):
+            told = (
+                f"u and v of device {name!r} reach over {reach[0]:.3g} x {reach[1]:.3g} of its {size[0]} x {size[1]} px"
+            )
+            raise InputError(folder / "observations.csv", told, "give u and v in pixels, not in mm")
+
+
 def _check_held_apart(
     folder: Path,
-    seen: Mapping[tuple[int, int], tuple[float, float, float]],
+    seen: Mapping[tuple[int, int], _Seen],
     points: Sequence[str],
     stations: Sequence[str],
     held_mm: Array,
