@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from core.devices.entries import Entries
 from core.devices.framing import CHECKS, KINDS, PARTS, CheckSum, Framing, agree
@@ -46,27 +46,10 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
     def key(name: str) -> str:
         return side + name if side + name in table.data else name
 
+    if kind == "text":
+        return _lines(table, key, _ascii(table, "prompt") if side else b"")
     check = read_check(table, key("check"))
     order = "little" if table.text(key("check_order"), default="high", among=("high", "low")) == "low" else "big"
-    prompt = _ascii(table, "prompt") if side else b""
-    if kind == "text":
-        ending = _ascii(table, key("ending"), "\r\n")
-        if not ending:
-            raise table.refuse(key("ending"), "", "give the characters that end a line")
-        start = _ascii(table, key("start"))
-        over = _parts(table, key("check_over"), ("body",), ("start", "body", "mark"))
-        mark = _ascii(table, "check_mark")
-        return Framing(
-            "text",
-            ("start", "body", "mark", "check", "end"),
-            start,
-            ending,
-            mark,
-            check=check,
-            check_over=over,
-            check_text=True,
-            prompt=prompt,
-        )
     start, end = _bytes(table, key("start")), _bytes(table, key("end"))
     length, byte_order = LENGTHS[table.text(key("length"), default="none", among=tuple(LENGTHS))]
     heads = {t.sizes[0] for t in templates} or {0}
@@ -101,6 +84,24 @@ def _framing(table: Entries, kind: str, side: str, templates: list[Template]) ->
         table.integer(key("pad"), 0, default=0),
         _escapes(table, key("escapes"), start, end),
         () if length or end else tuple(templates),
+    )
+
+
+def _lines(table: Entries, key: Callable[[str], str], prompt: bytes) -> Framing:
+    """Read how lines of text are wrapped; `key` gives the name of an entry in this direction."""
+    ending = _ascii(table, key("ending"), "\r\n")
+    if not ending:
+        raise table.refuse(key("ending"), "", "give the characters that end a line")
+    return Framing(
+        "text",
+        ("start", "body", "mark", "check", "end"),
+        _ascii(table, key("start")),
+        ending,
+        _ascii(table, "check_mark"),
+        check=read_check(table, key("check")),
+        check_over=_parts(table, key("check_over"), ("body",), ("start", "body", "mark")),
+        check_text=True,
+        prompt=prompt,
     )
 
 
