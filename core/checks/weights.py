@@ -17,7 +17,7 @@ from core.model import Adjustment, Array, Concern, Ints, Network
 from core.numerics import chi_square_limit, erf, fisher_limit, median_of, sigma_by_median
 
 LEVEL = 0.001  # chance that sound images, or axes, of a device are told to be uneven
-UNEVEN_IMAGES = 1.45  # times that sigmas of images may be off against each other; a fifth each, drawn apart, makes 1.3
+UNEVEN_IMAGES = 1.6  # times that sigmas of images may be off against each other, beside chance; a fifth each makes 1.3
 UNEVEN_AXES, HELD = 1.6, 1.6  # the same of both axes; residuals over the sigmas given of those that do hold
 LEAST_REDUNDANCY = 0.05  # an observation checked less than this says nothing
 CUT_OFF = 3.0  # sigmas beyond which a residual does not count
@@ -52,6 +52,11 @@ class _Apart:
     ratio: float
     limit: float  # of that ratio by chance
 
+    @property
+    def most(self) -> float:
+        """Ratio that is let pass: chance and sigmas that are a little off add up as independent errors do."""
+        return float(np.exp(np.hypot(np.log(self.limit), np.log(UNEVEN_IMAGES))))
+
 
 def uneven_sigmas(adjustment: Adjustment, anew: Callable[[Network, bool], Adjustment]) -> Iterator[str]:
     """H0: the sigmas of a device's images, and of its axes, hold one like the other.
@@ -69,7 +74,7 @@ def uneven_sigmas(adjustment: Adjustment, anew: Callable[[Network, bool], Adjust
     for name in network.devices:
         own = np.flatnonzero((of == name) & (spread.freedom > 1))
         apart = _parted(spread, own)
-        if apart is not None and apart.ratio > UNEVEN_IMAGES * apart.limit and _holds(spread, apart.lower):
+        if apart is not None and apart.ratio > apart.most and _holds(spread, apart.lower):
             yield _of_images(network, spread, apart, name)
     yield from _of_axes(network, spread)
 

@@ -135,6 +135,13 @@ def test_sigmas_that_are_off_by_little_are_not_accused(seed: int) -> None:
     assert told(replace(made.network, observation_sigma=made.network.observation_sigma * off[:, None])) == ()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_half_of_many_images_of_few_points_are_named_by_their_sigmas_and_sound_ones_are_not(seed: int) -> None:
+    made = simulated_network(seed=seed, poses=20, use=("camera",), approximation_mm=1.0, rows=3, cols=4, scale=False)
+    assert told(made.network) == ()
+    assert any("times too small beside theirs" in text for text in told(half_surer(made.network)))
+
+
 def test_an_axis_of_a_calibration_that_claims_too_much_is_named() -> None:
     made = simulate("paper", 1)
     surer = [replace(t, projector_sigma=t.projector_sigma * [1, 0.3]) for t in made.fields]
