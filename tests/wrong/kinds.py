@@ -116,9 +116,9 @@ KINDS: dict[str, tuple[Change, str]] = {
     "testfield's diameters are radii": (times("testfield.csv", diameter_mm=0.5), "diameter_mm.*radius"),
     "testfield's diameters x1.5": (times("testfield.csv", diameter_mm=1.5), "diameter_mm"),
     "testfield's polarity reversed": (polarity, "polarity"),
-    "one target of the board 10 mm off": (table("testfield.csv", lambda rows: rows[31].update(x_mm=f"{float(rows[31]['x_mm']) + 10}")), "target 3/4 is seen .* 10 mm"),
+    "one target of the board 10 mm off": (table("testfield.csv", lambda rows: rows[31].update(x_mm=f"{float(rows[31]['x_mm']) + 10}")), "target 3/4 is seen .* 10 mm|row 3, col 4 .* overlap; correct their coordinates"),
     "one target of the board 1 mm off": (table("testfield.csv", lambda rows: rows[20].update(x_mm=f"{float(rows[20]['x_mm']) + 1}")), "target 2/2 is seen (1|0.[6-9]|1.[0-4])"),
-    "a wrong board's file": (captures("testfield", lambda d: d.update(testfield="plate.csv")), "plate.csv|pick"),
+    "a wrong board's file": (captures("testfield", lambda d: d.update(testfield="plate.csv")), "plate.csv|pick|correct testfield in capture.json if another board"),
     "one capture names the other board": (
         captures("testfield-03", lambda d: d.update(testfield="plate.csv")),
         "testfield-03",
