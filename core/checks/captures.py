@@ -7,7 +7,7 @@ with the square of the dots' size.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +56,13 @@ def repeated_frames(
                 places.setdefault(key, []).append((capture, frame))
     shared: dict[tuple[str, str], list[tuple[Frame, Frame]]] = {}
     for same in places.values():
-        for (a, f), (b, g) in combinations(same, 2):
-            if _dark(f.pattern) or _dark(g.pattern):
-                continue  # one black frame may serve many captures
-            if (a is b and _look_alike(f, g, projectors)) or blank(f):
-                continue
-            shared.setdefault((a.name, b.name), []).append((f, g))
+        lit = [(c, f) for c, f in same if not _dark(f.pattern)]  # one black frame may serve many captures
+        within = [(x, y) for _, own in groupby(lit, lambda held: held[0].path) for x, y in combinations(own, 2)]
+        found = [(x, y) for x, y in within if not _look_alike(x[1], y[1], projectors)]
+        found += [(lit[0], y) for y in lit[1:] if y[0] is not lit[0][0]]  # of many the first is enough
+        if found and not blank(lit[0][1]):
+            for (a, f), (b, g) in found:
+                shared.setdefault((a.name, b.name), []).append((f, g))
     frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}
     return [_told(a, b, pairs, frames[a]) for (a, b), pairs in shared.items()]
 

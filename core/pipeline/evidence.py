@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from core.checks import Plates
 
 HARMLESS = "pick", "mended"  # notes that leave no result in doubt: there are more picks than are needed
+MIDDLE = 64  # bytes
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 
 
@@ -88,9 +89,13 @@ def shared_frames(project: Project, capture: Capture) -> tuple[Note, ...]:
         with suppress(InputError):  # another that cannot be read is no matter of this one
             others += [c] if (c := read_capture(folder, project)).path != capture.path else []
     contents = contents_of(project.path)
-    # only files of one size can be the same: hardly one is read
-    places = [frame.place for c in (*others, capture) for frame in c.frames if _size(frame) in sizes]
-    found = repeated_frames([*others, capture], project.rig.projectors, contents.learn(places), has_one_value)
+    # only files of one size can be the same, and of those that are not compressed the ones that look alike
+    alike = [f for c in (*others, capture) for f in c.frames if _size(f) in sizes]
+    middles = {_middle(frame) for frame in capture.frames}
+    known = contents.learn(f.place for f in alike if _middle(f) in middles)
+    own = {known.get(frame.place) for frame in capture.frames} - {None}
+    shared = {place: key for place, key in known.items() if key in own}
+    found = repeated_frames([*others, capture], project.rig.projectors, shared, has_one_value)
     contents.keep()
     name = capture.name
     told = [c.text.removeprefix(name) for c in found if c.text.startswith((f"{name}: ", f"{name} "))]
@@ -107,6 +112,16 @@ def _size(frame: Frame) -> int | None:
         return os.stat(frame.place).st_size
     except OSError:
         return None
+
+
+def _middle(frame: Frame) -> bytes:
+    """Read a few bytes from the middle of a frame's file: grey values where it is not compressed."""
+    try:
+        with open(frame.place, "rb") as file:
+            file.seek(os.stat(frame.place).st_size // 2)
+            return file.read(MIDDLE)
+    except OSError:
+        return b""
 
 
 @contextmanager

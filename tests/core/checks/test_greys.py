@@ -13,7 +13,7 @@ import pytest
 from core.capture.pixels import gaps_among
 from core.checks import grey_concerns, repeated_frames, repeated_planes
 from core.model import Capture, DeviceSpec, Frame, PlaneEvaluation, TargetSet
-from core.patterns import Code
+from core.patterns import Code, White
 
 Images = list[np.ndarray]
 
@@ -83,6 +83,20 @@ def test_frames_of_one_grey_value_may_stand_in_many_captures() -> None:
     assert repeated_frames(captures, rig, contents, lambda frame: frame.place.endswith("0.png")) == []
     (concern,) = repeated_frames(captures, rig, contents, lambda frame: False)
     assert concern.text.startswith("b: 0.png also stands in a")
+
+
+def test_a_file_that_many_captures_hold_is_told_once_of_each_and_looked_at_once() -> None:
+    """Of 2,000 captures with one white frame decoding one read that frame 2,000,000 times, and told it 1,999 times."""
+    bit = Code("gray", "x", 0, 1, 1, False)
+    captures = [
+        Capture(Path(f"c{k}"), "object", (Frame(f"c{k}/w.png", White()), Frame(f"c{k}/0.png", bit))) for k in range(40)
+    ]
+    contents = {f.place: "white" if f.pattern == White() else f.place for c in captures for f in c.frames}
+    looked_at: list[Frame] = []
+    told = repeated_frames(captures, {}, contents, lambda frame: bool(looked_at.append(frame)))
+    assert [c.text.partition(":")[0] for c in told] == [c.name for c in captures[1:]]
+    assert all("w.png also stands in c0" in c.text for c in told)
+    assert len(looked_at) == 1
 
 
 @pytest.mark.parametrize(("device", "told"), [({}, 0), ({"camera": "right"}, 1), ({"projector": "second"}, 1)])

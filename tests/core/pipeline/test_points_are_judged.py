@@ -18,11 +18,12 @@ from core.errors import StripeError
 from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import Note, PhaseMap, PointCloud, Verdict, named_by
 from core.pipeline import decode_capture, load_calibrations, reconstruct_capture
+from core.pipeline.evidence import shared_frames
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.merge import merge_captures
 from core.pipeline.update import keep_points
-from core.project import read_project
+from core.project import contents, read_capture, read_project
 
 OBJECT = "plane+00"
 Disturb = Callable[[list[np.ndarray]], list[np.ndarray]]
@@ -166,3 +167,31 @@ def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
     assert said in " ".join(reconstruct_capture(read_project(calibrated), OBJECT)[1].verdict.because)
     (folder / "depth-01" / "capture.json").write_text("{")
     assert not any("also stands" in note for note in decode_capture(folder / "testfield-01").notes)
+
+
+def test_files_of_one_size_are_not_hashed_to_tell_whether_captures_share_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames that are not compressed all have one size: of 40 captures 0.7 GB were read to decode one."""
+    rng = np.random.default_rng(0)
+    device = {"width": 64, "height": 48, "pitch_mm": [0.01, 0.01], "nominal_c_mm": 1.0}
+    frames = [{"file": f"{k}.tif", "pattern": {"kind": "level", "value": k / 8}} for k in range(1, 8)]
+    head = {"format": "stripe-capture", "version": 2, "role": "object", "frames": frames}
+    names = ["captures/a", "captures/b", "captures/c"]
+    for name in names:
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "capture.json").write_text(json.dumps(head))
+        for frame in frames:
+            grey = rng.integers(0, 256, (48, 64), dtype=np.uint8)
+            cv2.imwrite(str(tmp_path / name / str(frame["file"])), grey, [cv2.IMWRITE_TIFF_COMPRESSION, 1])
+    shutil.copy(tmp_path / "captures/a/3.tif", tmp_path / "captures/c/5.tif")
+    rig = {"camera": device, "projector": device, "captures": names}
+    (tmp_path / "project.json").write_text(json.dumps({"format": "stripe-project", "version": 1, "name": "p", **rig}))
+    project = read_project(tmp_path)
+    hashed: list[str] = []
+    monkeypatch.setattr(contents, "hash_file", lambda name, by=contents.hash_file: hashed.append(name) or by(name))
+    own = tmp_path / "captures/c"
+    assert [str(note) for note in shared_frames(project, read_capture(own, project))] == [
+        "5.tif also stands in a: a file of another capture; record it again"
+    ]
+    assert [name for name in hashed if Path(name).parent != own] == [str(tmp_path / "captures/a/3.tif")]
