@@ -59,8 +59,8 @@ def find_capture(project: Project, name: str) -> Capture:
 
 def own_folder(project: Project, folder: Path) -> Path:
     """Give a capture's folder as its project names it, however the path was written; other folders as they are."""
-    there = os.path.isdir(folder)
-    return next((own for own in project.captures if there and os.path.samefile(own, folder)), folder)
+    same = [own for own in project.captures if os.path.samefile(own, folder)] if os.path.isdir(folder) else []
+    return min(same, key=lambda own: own.name != folder.name, default=folder)  # a link gives a folder two names
 
 
 def check_names(project: Project, kind: Literal["camera", "projector"], names: Iterable[str]) -> None:

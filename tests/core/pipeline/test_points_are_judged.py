@@ -169,6 +169,14 @@ def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
     assert not any("also stands" in note for note in decode_capture(folder / "testfield-01").notes)
 
 
+def test_a_capture_that_has_two_names_by_a_link_keeps_the_one_that_was_given(calibrated: Path) -> None:
+    project, folder = read_project(calibrated), calibrated / "captures"
+    (folder / "link").symlink_to(folder / OBJECT)
+    linked = replace(project, captures=(folder / "link", *project.captures))
+    names = (OBJECT, f"captures/{OBJECT}", "link")
+    assert [find_capture(linked, name).name for name in names] == [OBJECT, OBJECT, "link"]
+
+
 def test_files_of_one_size_are_not_hashed_to_tell_whether_captures_share_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
