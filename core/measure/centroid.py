@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.defocus import drawn_centroids, undrawn
+from core.measure.defocus import WIDE, drawn_centroids, undrawn
 from core.measure.grain import PLAIN, Grain, clipped_variance
 from core.measure.kernels import in_bands, weighted_moments
 from core.measure.profile import Profiles
@@ -65,7 +65,7 @@ def centroids(
             cov = by_pixels + by_slope @ slopes @ by_slope
     diameter = 2.0 * np.sqrt(np.abs(np.linalg.det(rays.ellipse)))
     share = drawn_centroids(edge * diameter / 2, profile.spread, taper * diameter[:, None] / 2)
-    m, cov = undrawn(m + light * profile.spread[:, None], cov, profile.spread, share)
+    m, cov = undrawn(m + light * profile.spread[:, None] / WIDE, cov, profile.spread, share)
     clipped = profile.plateau >= image.max()  # retro-reflective dots and the like
     floor = np.where(clipped, CLIPPED, FLOOR / diameter)
     return m, cov + floor[:, None, None] ** 2 * np.eye(2)

@@ -75,10 +75,10 @@ def test_nothing_depends_on_where_in_its_pixel_a_dot_lies(semi_axes, defocus_px)
 def test_light_that_falls_across_a_dot_does_not_move_its_centre(defocus_px):
     fall, blur = np.array([0.006, -0.008]), defocus_px**2 / 4 + 1 / 12
     image, centre, shape = discs((6.0, 5.0), defocus_px, np.random.default_rng(5), fall=fall)
-    for estimate in (centroids, ellipse_centres):
+    for estimate, most in ((centroids, 0.1), (ellipse_centres, 0.35)):
         off = np.mean(measured(image, centre, shape, estimate, fall)[0] - centre, axis=0) @ fall / 0.01
         # unheeded, the light moves it by 0.07 px; dividing the blurred dot by it takes 0.01 x the blur's variance more
-        assert abs(off) < 0.35 * 0.01 * blur
+        assert abs(off) < most * 0.01 * blur
 
 
 @pytest.mark.parametrize("gaussian", [True, False])
