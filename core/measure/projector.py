@@ -9,10 +9,14 @@ from core.compiling import njit
 from core.measure.kernels import inverted
 from core.measure.rays import Rays
 from core.model import Array, Floats
-from core.numerics import four_pixels, row_median
+from core.numerics import MEDIAN_OF_NORMAL, four_pixels, nearest, row_median
 from core.parallel import run_in_bands
 
-TERMS = 6  # of a quadratic surface
+TERMS, BENT = 6, 3  # of a quadratic surface: all, and those by which it bends
+FEWEST = 5  # pixels of a dot's quarter
+DEFECT, EVEN = 1e-9, 1.2  # of the equations; of the squared noise, within which a board is as smooth as that
+DEGREE = 4  # of the polynomial that is left of a projection, for lenses and a board that is not flat
+ENOUGH, MOST_SHARE = 3.0, 0.5  # targets for each of its terms; share that one has in itself
 FOUND = 6  # figures of a fitted surface, see `_fit_surfaces`
 MOST_TWIST = 9.0  # times its expectation that the square of one counts at most
 BY_CHANCE = 0.1  # part by which sound captures' twists are smaller than expected
@@ -35,25 +39,69 @@ def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
     return total, np.sqrt(variance)
 
 
-def inside_dot(values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array) -> tuple[Array, Array]:
-    """Value and sigma (n,) at the middle of a quadratic surface through the valid pixels of each dot's interior.
+def inside_dot(
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array, bend: Array | None = None
+) -> tuple[Array, Array]:
+    """Value and sigma (n,) at the middle of a surface through the valid pixels of each dot's interior.
 
-    It has two to four times the precision of the four pixels around the middle. The quadratic terms carry the
-    perspective across the dot.
+    It has two to four times the precision of the four pixels around the middle. How the surface bends, by perspective
+    across the dot, is found with it, or known: `bend` (n, 4) of `bends`, NaN where it is not. Then the middle is twice
+    as precise once more.
     """
-    return _surface(values, sigma, uv, ellipse, np.zeros(len(uv)), np.minimum(window, INTERIOR))
+    return _surface(values, sigma, uv, ellipse, np.zeros(len(uv)), np.minimum(window, INTERIOR), bend)
 
 
-def around_dot(values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array) -> tuple[Array, Array]:
-    """Value and sigma (n,) at the middle of a quadratic surface through the valid pixels round each dot.
+def around_dot(
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array, bend: Array | None = None
+) -> tuple[Array, Array]:
+    """Value and sigma (n,) at the middle of a surface through the valid pixels round each dot, see `inside_dot`.
 
     For dots too dark, or too bright, to be decoded themselves: the board around them lies in the same surface.
     """
-    return _surface(values, sigma, uv, ellipse, window, window + RING)
+    return _surface(values, sigma, uv, ellipse, window, window + RING, bend)
+
+
+def bends(uv: Array, lines: Array, sigma: Array) -> Array:
+    """Second derivatives (n, 4) of a coordinate by the camera's u twice, u and v, v twice, and their sigma: lines/px².
+
+    From values (n,) at all targets of a board: a projection of a plane, and a polynomial for all that it is not, lenses
+    and a board that is bent. What is left beyond noise may be waves over four targets. NaN where
+    the targets do not tell, or one has itself to go by.
+    """
+    nothing, known = np.full((len(uv), 4), np.nan), np.isfinite(lines) & (sigma > 0)
+    powers = [(i, k - i) for k in range(DEGREE + 1) for i in range(k + 1)]
+    if np.count_nonzero(known) < ENOUGH * (len(powers) + 2):
+        return nothing
+    middle, size = uv[known].mean(axis=0), float(np.ptp(uv[known], axis=0).max()) / 2
+    x, y, noise = (uv - middle) / size, np.where(known, lines, 0.0), float(np.median(sigma[known]))
+
+    def terms(at: Array) -> Array:
+        return np.stack([at[:, 0] ** i * at[:, 1] ** k for i, k in powers], axis=1)
+
+    A, root = np.concatenate([terms(x), -x * y[:, None]], axis=1), known.astype(float)
+    for _ in range(5):  # a coordinate decoded wrongly is far off
+        Q, R = np.linalg.qr(A * root[:, None])
+        if np.abs(np.diagonal(R)).min() < DEFECT * np.abs(np.diagonal(R)).max():
+            return nothing
+        fit = np.linalg.solve(R, Q.T @ (root * y))
+        off = np.abs(y - A @ fit)
+        usual = float(np.median(off[known])) / MEDIAN_OF_NORMAL
+        root = known / np.sqrt(1 + (off / (3 * max(usual, noise))) ** 2)
+
+    def there(du: float, dv: float) -> Array:
+        at = x + np.array([du, dv]) / size
+        return np.asarray(terms(at) @ fit[:-2] / (1 + at @ fit[-2:]))
+
+    here, one = there(0, 0), np.eye(2)
+    uu, vv = (there(*step) + there(*-step) - 2 * here for step in one)
+    apart = np.median(np.linalg.norm(uv[known] - uv[known][nearest(uv[known], 2)[:, 1]], axis=1))
+    uneven = np.sqrt(max(usual**2 - EVEN * noise**2, 0.0)) * (np.pi / (2 * apart)) ** 2
+    found = uu, (there(1, 1) + there(-1, -1) - 2 * here - uu - vv) / 2, vv, np.full_like(uu, uneven)
+    return np.where((known & (np.sum(Q * Q, axis=1) < MOST_SHARE))[:, None], np.stack(found, axis=1), np.nan)
 
 
 def _surface(
-    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, bend: Array | None
 ) -> tuple[Array, Array]:
     """Weighted robust fit of a quadratic surface to the pixels between two radii in the unit disc.
 
@@ -62,28 +110,34 @@ def _surface(
     pixels counts as the root of n.
     """
     found = np.zeros((len(uv), FOUND))
+    bend = np.full((len(uv), 4), np.nan) if bend is None else np.ascontiguousarray(bend)
 
     def band(a: int, b: int) -> None:
-        _fit_surfaces(values, sigma, uv[a:b], ellipse[a:b], inner[a:b], outer[a:b], found[a:b])
+        _fit_surfaces(values, sigma, uv[a:b], ellipse[a:b], inner[a:b], outer[a:b], bend[a:b], found[a:b])
 
     run_in_bands(band, len(uv), least=32)
     value, variance, misfit, redundancy, *_, blocks = found.T
     squares, of, twists, number = found[np.isfinite(value) & (blocks > 0), 2:].sum(axis=0)
     common = 1 - (twists / number) / (squares / of) if squares * number > 0 else 0.0
     common = max(common - BY_CHANCE, 0) / (1 - BY_CHANCE)
-    row = (redundancy + TERMS) / (2 * outer * np.sqrt(np.abs(np.linalg.det(ellipse))))  # px
+    free = np.where(np.isnan(bend[:, 0]), TERMS, TERMS - BENT)
+    row = (redundancy + free) / (2 * outer * np.sqrt(np.abs(np.linalg.det(ellipse))))  # px
     widened = 1 + common * np.maximum(np.sqrt(row) - 1, 0)
     misfit = np.maximum(misfit / np.maximum(redundancy, 1), 1)  # of blur beside other prints
-    return value, np.sqrt(variance * misfit * widened)
+    area = (inner**2 + outer**2) / 4 * np.abs(np.linalg.det(ellipse))  # mean square of places along an axis, px²
+    return value, np.sqrt(variance * misfit * widened + (np.nan_to_num(bend[:, 3]) * area / 2) ** 2)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fit_surfaces(
-    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, found: Array
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, bend: Array, found: Array
 ) -> None:  # pragma: no cover  compiled
     """Set `found`: value, its variance; weighted squares of residuals, redundancy; squares of twists, their number."""
-    N, b, surface = np.empty((TERMS, TERMS)), np.empty(TERMS), np.empty(TERMS)
+    b, surface = np.empty(TERMS), np.empty(TERMS)
     for k in range(len(uv)):
+        known = not np.isnan(bend[k, 0])
+        terms = TERMS - BENT if known else TERMS
+        N = np.empty((terms, terms))
         p, q, r, s = ellipse[k, 0, 0], ellipse[k, 0, 1], ellipse[k, 1, 0], ellipse[k, 1, 1]
         du, dv = outer[k] * np.hypot(p, q) + 1, outer[k] * np.hypot(r, s) + 1
         found[k, :2] = np.nan
@@ -103,6 +157,8 @@ def _fit_surfaces(
                 if inner[k] <= radius <= outer[k] and np.isfinite(values[v, u]) and sigma[v, u] > 0:
                     A[n, 0], A[n, 1], A[n, 2], A[n, 3], A[n, 4], A[n, 5] = 1.0, x, z, x * x, x * z, z * z
                     y[n], weight[n] = values[v, u], 1 / np.float64(sigma[v, u]) ** 2
+                    if known:
+                        y[n] -= bend[k, 0] * du * du / 2 + bend[k, 1] * du * dv + bend[k, 2] * dv * dv / 2
                     number[(v - top) * across + u - left] = n
                     n += 1
         found[k, 4], found[k, 5] = _twists(y, weight, number, across)
@@ -110,25 +166,25 @@ def _fit_surfaces(
             N[:], b[:], quadrants = 0.0, 0.0, np.zeros(4)
             for i in range(n):
                 quadrants[2 * (A[i, 1] > 0) + (A[i, 2] > 0)] += 1
-                for j in range(TERMS):
+                for j in range(terms):
                     b[j] += A[i, j] * weight[i] * y[i]
-                    for m in range(TERMS):
+                    for m in range(terms):
                         N[j, m] += A[i, j] * weight[i] * A[i, m]
             # never a value that only one side vouches for
-            if quadrants.min() < TERMS - 1 or not inverted(N):
+            if quadrants.min() < FEWEST or not inverted(N):
                 found[k, :2] = np.nan
                 break
             surface[:], misfit = 0.0, 0.0
-            for j in range(TERMS):
-                for m in range(TERMS):
+            for j in range(terms):
+                for m in range(terms):
                     surface[j] += N[j, m] * b[m]
             for i in range(n):
                 rest = y[i]
-                for j in range(TERMS):
+                for j in range(terms):
                     rest -= A[i, j] * surface[j]
                 off[i] = abs(rest)
                 misfit += off[i] ** 2 * weight[i]
-            found[k, 0], found[k, 1], found[k, 2], found[k, 3] = surface[0], N[0, 0], misfit, n - TERMS
+            found[k, 0], found[k, 1], found[k, 2], found[k, 3] = surface[0], N[0, 0], misfit, n - terms
             limit, kept = max(3.0 * np.median(off[:n]), 0.05), 0
             for i in range(n):
                 if off[i] < 5 / np.sqrt(weight[i]) + limit:

@@ -9,19 +9,21 @@ import numpy as np
 
 from core.errors import InputError
 from core.measure.board import board_from_testfield
-from core.measure.defocus import LIGHT, widening
+from core.measure.defocus import LIGHT, WIDE, widening
 from core.measure.grain import balanced
 from core.measure.kinds import Marks, Sight, kind_of
 from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
 from core.measure.picks import Side, check_excluded
-from core.measure.projector import around_dot, bilinear, decoded_inside, inside_dot, refuse_jumps
+from core.measure.profile import READ_BETWEEN
+from core.measure.projector import INTERIOR, around_dot, bends, bilinear, decoded_inside, inside_dot, refuse_jumps
 from core.model import Array, DeviceSpec, Floats, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress
 
 DEEP = 0.2  # of a board's size that its targets' z may span; more is said where its picks do not fit
 READ_DOUBT = 0.5  # share of the softer side's light that depends on the print round a target, per px of its widening
 BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
+RIM_BLURS = 4.0  # from a dot's edge to where its light changes by less than noise
 ROUGH = 2.0  # times that of four pixels: with a greater sigma a dot is decoded wrongly towards its rim
 
 
@@ -120,7 +122,8 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
     """Read the projector coordinates, leave out what the light's edge cuts, and say what each missing target lacks."""
     board, target, missing = sight.board, marks.target, dict(marks.missing)
     lines, sigma = _projector(sight, marks)
-    gradient = line_gradients(marks.uv, lines)
+    gradient = line_gradients(marks.uv + marks.shift, lines)
+    lines -= np.einsum("nij,nj->ni", np.nan_to_num(gradient), marks.shift + _drawn_by_light(marks))
     keep = np.ones(len(target), bool)
     if projector is not None:
         keep = ~cut_by_edge(projector, lines, gradient, marks.ellipse, marks.window, marks.blur)
@@ -150,14 +153,28 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
     return replace(found, camera_cov=cov, projector_sigma=sigma)
 
 
+def _drawn_by_light(marks: Marks) -> Array:
+    """How far (m, 2), px, to the brighter side of uneven light it is that projector coordinates are read.
+
+    Decoding takes out what changes of the light do that are beyond noise, as at a dot's rim. The light's own slope, in
+    the middle of a dot, is not.
+    """
+    if marks.light is None:
+        return np.zeros_like(marks.uv)
+    radius = np.sqrt(np.abs(np.linalg.det(marks.ellipse)))
+    middle = np.clip((radius - RIM_BLURS * marks.blur) / (INTERIOR * radius), 0, 1) ** 2
+    return (middle * np.maximum(marks.blur**2 - READ_BETWEEN, 0) / WIDE)[:, None] * marks.light
+
+
 def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
-    """Projector coordinates (n, 2) and sigmas at the targets' centres.
+    """Projector coordinates (n, 2) and sigmas at the targets' centres as measured, round which their pixels lie.
 
     Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, or is printed
     dark, the board round it.
     """
     phase, (ellipse, window) = sight.phase, (marks.ellipse, marks.window)
-    centre = marks.uv - LIGHT * widening(marks.uv, marks.blur**2)  # what is seen there is round the target's centre
+    # what is seen there is round the target's centre
+    centre = marks.uv + marks.shift - LIGHT * widening(marks.uv, marks.blur**2)
     ground, dark = np.minimum(window, marks.code - BESIDE_CODE), sight.testfield.polarity == "black-on-white"
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
@@ -165,11 +182,16 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
         found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)
-        for which, fit, to in ((lit & (not dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)):
-            value, its_error = fit(values, spread, centre[which], ellipse[which], to[which])
-            valid = np.isfinite(value) & (dark | lost[which] | (its_error < ROUGH * error[which]))
-            better = np.flatnonzero(which)[valid]
-            found[better], error[better] = value[valid], its_error[valid]
+        fits = (lit & (not dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)
+        bend = np.full((len(centre), 4), np.nan)
+        for rough in (ROUGH, 1.0):  # how the surface bends, all targets tell together
+            for which, fit, to in fits:
+                value, its_error = fit(values, spread, centre[which], ellipse[which], to[which], bend[which])
+                valid = np.isfinite(value) & (dark | lost[which] | (its_error < rough * error[which]))
+                better = np.flatnonzero(which)[valid]
+                found[better], error[better] = value[valid], its_error[valid]
+            if np.isnan(bend := bends(centre, found, error)).all():
+                break
         error[~np.isfinite(found)] = np.nan
         coordinate[:, axis], sigma[:, axis] = found, error
     return coordinate, sigma

@@ -101,10 +101,10 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     scale = profile.contour[:, 0]
     ellipse = rays.ellipse * scale[:, None, None]
     window = profile.window / scale
-    shift = row_shift(
-        image, *(a[[not f for f in fault]] for a in (uv, ellipse, window, profile.plane, profile.contrast))
-    )
-    return Marks(target, uv, cov, ellipse, window, profile.blur, np.zeros_like(uv), {}, row_shift_px=shift), fault
+    good = np.array([not f for f in fault], dtype=bool)
+    shift = row_shift(image, *(a[good] for a in (uv, ellipse, window, profile.plane, profile.contrast)))
+    seen, zero = None if dark else light, np.zeros_like(uv)
+    return Marks(target, uv, cov, ellipse, window, profile.blur, zero, {}, row_shift_px=shift, light=seen), fault
 
 
 def _light(
@@ -155,6 +155,7 @@ def _centred(sight: Sight, lattice: Lattice, dots: Marks, fault: list[str]) -> M
         shift,
         reasons(sight.phase, replace(lattice, view=view), faults),
         row_shift_px=dots.row_shift_px,
+        light=None if dots.light is None else dots.light[good],
     )
 
 

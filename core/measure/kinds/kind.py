@@ -52,6 +52,7 @@ class Marks:
     notes: tuple[str, ...] = ()  #: what else an operator should know
     #: standard deviation of the shift that all of an image row has in common, which is not in `cov`
     row_shift_px: float = 0.0
+    light: Array | None = None  #: (m, 2): relative change, per px, of the light on bright targets
     code: float = np.inf  #: radius, in that unit disc, from which something else is printed round the targets
 
 
