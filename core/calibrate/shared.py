@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from core.calibrate.equations import GLOBALS, POINT, POSE
 from core.calibrate.solve import Solved
-from core.model import Ints, Network, TargetSet
+from core.model import Array, Ints, Network, TargetSet
 
 
 def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
@@ -42,11 +42,9 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         weight = np.fmin(weight, 1 / solved.network.observation_sigma[rows[some]].reshape(-1, 4))
         cov = np.nan_to_num(t.cov[some]) * weight[:, :, None] * weight[:, None, :]
         cov[:, range(4), range(4)] = 0.0
-        by_u = np.zeros((len(some), 4))
-        by_u[:, 0] = 1.0
-        by_u[:, 2:] = 0.0 if t.gradient is None else np.nan_to_num(t.gradient[some, :, 0])
-        cov_u = t.row_cov[np.ix_(some, some)]
-        np.fill_diagonal(cov_u, 0.0)
+        by_row = weight[..., None] * (t.by_row[some] @ _root(t.row_shifts))
+        share = t.row_share[np.ix_(some, some)]
+        np.fill_diagonal(share, 0.0)
         # by what all targets of an image have in common, camera and projector each, and by the target's own point
         c, one = len(common), at[np.argmax(known, axis=0), [0, 1]]
         own, by_point = np.zeros((len(some), 4, 2 * c)), A[:, :, POINT : POINT + 3]
@@ -55,17 +53,18 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         all_of = np.concatenate([problem.columns[problem.device[one]], poses], axis=1).ravel()
         points = problem.point[np.where(known[:, 0], at[:, 0], at[:, 1])]
         each = (point_at + 3 * points[:, None] + np.arange(3)).ravel()
-        moved, moved_points = (np.einsum("na,nau->nu", by_u * weight, part) for part in (own, by_point))
+        moved, moved_points = (np.swapaxes(by_row, 1, 2) @ part for part in (own, by_point))  # (targets, shifts, ...)
+        carried = np.tensordot(share, moved, 1)
         shared = cov @ own
-        of_all = own.reshape(-1, 2 * c).T @ shared.reshape(-1, 2 * c) + moved.T @ cov_u @ moved
-        between = np.swapaxes(shared, 1, 2) @ by_point + (cov_u @ moved)[:, :, None] * moved_points[:, None, :]
+        of_all = own.reshape(-1, 2 * c).T @ shared.reshape(-1, 2 * c) + np.tensordot(moved, carried, ((0, 1), (0, 1)))
+        between = np.swapaxes(shared, 1, 2) @ by_point + np.swapaxes(carried, 1, 2) @ moved_points
         between = between.transpose(1, 0, 2).reshape(2 * c, -1)
-        cov_of, moved_of, of_each = np.zeros((n, n)), np.zeros((3, n)), np.zeros((n, 3, 3))
-        cov_of[np.ix_(points, points)], moved_of[:, points] = cov_u, moved_points.T
+        share_of, moved_of, of_each = np.zeros((n, n)), np.zeros((3, n, by_row.shape[2])), np.zeros((n, 3, 3))
+        share_of[np.ix_(points, points)], moved_of[:, points] = share, moved_points.transpose(2, 0, 1)
         of_each[points] = np.swapaxes(by_point, 1, 2) @ cov @ by_point
         for i, j in product(range(3), repeat=2):
-            part = cov_of * moved_of[i, :, None]
-            part *= moved_of[j]
+            part = moved_of[i] @ moved_of[j].T
+            part *= share_of
             part.flat[:: n + 1] += of_each[:, i, j]
             of_points[i, j] += part
         np.add.at(found, np.ix_(all_of, all_of), of_all)
@@ -75,6 +74,14 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
     found[point_at : point_at + 3 * n, point_at : point_at + 3 * n] = of_points.transpose(2, 0, 3, 1).reshape(3 * n, -1)
     Q = np.concatenate([inverse.Q, -C @ inverse.Q])
     return replace(solved, inverse=replace(inverse, Q=inverse.Q + Q.T @ found[:-1, :-1] @ Q))
+
+
+def _root(cov: Array | None) -> Array:
+    """Columns (3, r) whose products are a covariance (3, 3)."""
+    if cov is None:
+        return np.zeros((3, 0))
+    size, along = np.linalg.eigh(cov)
+    return np.asarray((along * np.sqrt(np.maximum(size, 0.0)))[:, size > 0])
 
 
 def _observations(network: Network, targets: TargetSet, capture: str) -> tuple[Ints, NDArray[np.bool_]]:

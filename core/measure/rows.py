@@ -1,78 +1,74 @@
 """How far single rows of an image are shifted: the line jitter of video, told by the dots that share a row.
 
-The middles of a dot's rows lie on a smooth curve, whatever its tilt, blur and light. What is left of them in a row is
-noise of its own in every dot, but the same in all dots of that row where the row as a whole was shifted.
+The middles of a dot's rows lie on a smooth curve, whatever its tilt, blur and light, and so do the projector
+coordinates read in them. What is left of both in a row is noise of its own in every dot, but the same in all dots of
+that row where the row as a whole was shifted.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from core.model import Array, Ints
+from core.measure.projector import INTERIOR
+from core.model import Array, Ints, PhaseMap
 
 CURVE = 3  # terms of the curve: place, lean, and the bow that uneven light and perspective give
 LEAST_ROWS = CURVE + 2
 LEAST_SHARE = 0.2  # of the widest row's weight: the middles of shorter ones are mostly noise
-LEVEL = 0.05  # of the contrast, where weights begin
 BIN_PX = 0.25
+LEAST_SLOPE = 0.1  # lines per px along the rows: less, and a shift of theirs hardly moves a coordinate
 SURE = 3.0  # sigmas above which a shift is taken for one
 
 
-def row_shift(
-    image: NDArray[np.float32], uv: Array, ellipse: Array, window: Array, plane: Array, contrast: Array
-) -> float:
-    """Estimate the standard deviation, px, of the rows' shifts along u; 0 where it is not significant.
+def row_shifts(
+    image: NDArray[np.float32], phase: PhaseMap, uv: Array, ellipse: Array, window: Array, plane: Array
+) -> Array:
+    """Estimate the covariance (3, 3) of a row's shifts along u: of the image, and of both coordinates read there; px².
 
     From centroids (m, 2) of bright dots: `ellipse` maps the unit disc to the dot, `window` is the radius in that disc
-    of what is weighted, `plane`, (m, 3), the background at the centroid and its slopes. With z the residuals of the
-    rows' middles, weighted by the rows' shares in the dot, and A the matrices that make them of the rows' shifts,
-    products of different dots are free of noise: ``E(z_i z_k) = shift² tr(A_i A_kᵀ)``.
+    of what is weighted, `plane`, (m, 3), the background at the centroid and its slopes. What is not significant is 0.
     """
-    height, width = image.shape
+    shifts = np.zeros((3, 3))
     half = window[:, None] * np.linalg.norm(ellipse, axis=2)
-    whole = np.all((np.ceil(uv - half) >= 0) & (np.floor(uv + half) < (width, height)), axis=1)
+    whole = np.all((np.ceil(uv - half) >= 0) & (np.floor(uv + half) < image.shape[::-1]), axis=1)
     if not np.any(whole):
-        return 0.0
-    uv, half = uv[whole], half[whole]
+        return shifts
+    uv, half, window = uv[whole], half[whole], window[whole, None, None]
     u, v = _box(uv[:, 0], half[:, 0]), _box(uv[:, 1], half[:, 1])
-    away_u, away_v = u - uv[:, :1], v - uv[:, 1:]
-    u, v = np.minimum(u, width - 1), np.minimum(v, height - 1)  # beyond the window
-    w = _weights(image, (u, v), (away_u, away_v), ellipse[whole], window[whole], plane[whole], contrast[whole])
-    row = w.sum(axis=2)
-    use = row > LEAST_SHARE * row.max(axis=1, keepdims=True)
-    use &= np.count_nonzero(use, axis=1)[:, None] >= LEAST_ROWS
-    good = np.any(use, axis=1)
-    if not np.any(good):
-        return 0.0
-    w, row, use, v = w[good], row[good], use[good], v[good]
-    away_u, away_v, half = away_u[good], away_v[good], half[good]
-    share: Array = np.where(use, row, 0.0) / np.sum(row, axis=1, where=use, keepdims=True)
-    middle = np.einsum("mvu,mu->mv", w, away_u) / np.where(use, row, np.inf)
-    X = (away_v / half[:, 1:])[..., None] ** np.arange(CURVE)
-    weighted = np.swapaxes(X * share[..., None], 1, 2)
-    A = share[..., None] * (np.eye(len(X[0])) - X @ np.linalg.solve(weighted @ X, weighted))
-    rows, residual = v[use], (A @ middle[..., None])[use, 0]
-    # what squares of pixels leave is alike in all dots: the mean of each place is taken away
-    place = np.rint(away_v / BIN_PX).astype(int)
-    place = np.where(use, place - place[use].min(), 0)
-    places = place[use]
-    count = np.bincount(places)
-    residual -= (np.bincount(places, residual) / np.maximum(count, 1))[places]
-
-    def added(at: Ints, length: int) -> Array:
-        cells = at[:, :, None] * height + v[:, None, :]
-        return np.asarray(np.bincount(cells.ravel(), A.ravel(), length * height).reshape(length, height), np.float64)
-
-    answers, means = added(v, height), added(place, len(count)) / np.maximum(count, 1)[:, None]
-    shared = np.bincount(rows * len(count) + places, minlength=height * len(count)).reshape(height, -1)
-    answers -= shared @ means
-    own = float(np.sum(A**2)) - float(count @ np.sum(means**2, axis=1))
-    scale = float(np.sum(answers**2)) - own
-    products = float(np.sum(np.bincount(rows, residual) ** 2) - np.sum(residual**2))
-    squares, fourth = (np.bincount(rows, residual**power, height) for power in (2, 4))
-    spread = np.sqrt(2 * max(float(np.sum(squares**2 - fourth)), 0.0))
-    return float(np.sqrt(products / scale)) if scale > 0 and products > SURE * spread else 0.0
+    du, dv = (u - uv[:, :1])[:, None, :], (v - uv[:, 1:])[:, :, None]
+    at = np.minimum(v, image.shape[0] - 1)[:, :, None], np.minimum(u, image.shape[1] - 1)[:, None, :]
+    to_disc = np.linalg.inv(ellipse[whole])[..., None, None]
+    disc = to_disc[:, :, 0] * du[:, None] + to_disc[:, :, 1] * dv[:, None]
+    radius = np.hypot(disc[:, 0], disc[:, 1])
+    ground, slope_u, slope_v = plane[whole].T[..., None, None]
+    # no grey value is cut off: what a threshold leaves of a row moves less than the row
+    light = np.where(radius <= window, image[at] - ground - slope_u * du - slope_v * dv, 0.0)
+    rows = _Rows(at[0][..., 0], dv[..., 0], half[:, 1])
+    width, middle = light.sum(axis=2), np.einsum("mvu,mu->mv", light, du[:, 0])
+    of_image = rows.curved(width, middle, np.ones(len(uv)))
+    shifts[0, 0] = of_image.variance()
+    if not shifts[0, 0]:  # nor are the frames of the patterns shifted
+        return shifts
+    for axis, values, sigma in ((1, phase.u, phase.sigma_u), (2, phase.v, phase.sigma_v)):
+        read = values[at].astype(np.float64)
+        decoded = np.isfinite(read) & (radius <= np.minimum(window, INTERIOR))
+        w, read = np.where(decoded, sigma[at], np.inf).astype(np.float64) ** -2, np.where(decoded, read, 0.0)
+        width = w.sum(axis=2)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            place, mean = ((w * x).sum(axis=2) / width for x in (du, read))
+            off, x = read - mean[..., None], w * (du - place[..., None])
+            slope = np.nansum(x * off, axis=(1, 2)) / np.nansum(x * du, axis=(1, 2))
+        steep = np.abs(slope[np.isfinite(slope)])
+        if not len(steep) or np.median(steep) < LEAST_SLOPE:
+            continue
+        of_axis = rows.curved(width, width * (mean - slope[:, None] * place), slope)
+        shifts[axis, axis] = of_axis.variance()
+        most = np.sqrt(shifts[0, 0] * shifts[axis, axis])
+        shifts[0, axis] = shifts[axis, 0] = np.clip(of_image.shared(of_axis)[0], -most, most)
+    return shifts
 
 
 def _box(centre: Array, half: Array) -> Ints:
@@ -81,19 +77,82 @@ def _box(centre: Array, half: Array) -> Ints:
     return np.asarray(first[:, None] + np.arange(np.max(np.floor(centre + half) - first) + 1), np.int64)
 
 
-def _weights(
-    image: NDArray[np.float32],
-    at: tuple[Ints, Ints],
-    away: tuple[Array, Array],
-    ellipse: Array,
-    window: Array,
-    plane: Array,
-    contrast: Array,
-) -> Array:
-    """Light (m, rows, columns) above the background, within each dot's window; 0 beyond."""
-    (u, v), du, dv = at, away[0][:, None, :], away[1][:, :, None]
-    to_disc = np.linalg.inv(ellipse)[..., None, None]
-    disc = to_disc[:, :, 0] * du[:, None] + to_disc[:, :, 1] * dv[:, None]
-    (ground, slope_u, slope_v), dark = plane.T[..., None, None], LEVEL * contrast[:, None, None]
-    w = image[v[:, :, None], u[:, None, :]] - ground - slope_u * du - slope_v * dv - dark
-    return np.where(np.hypot(disc[:, 0], disc[:, 1]) <= window[:, None, None], np.maximum(w, 0.0), 0.0)
+@dataclass(frozen=True)
+class _Curved:
+    """What is left of smooth curves through the k rows of m dots, and how it follows from shifts of the image's rows.
+
+    `row` (m, k) is each one's place in the image, `place` (m, k) that in its dot; `left` are residuals less the mean of
+    each place, as what squares of pixels leave is alike in all dots, and `A` (m, k, k) their derivatives by shifts.
+    """
+
+    row: Ints
+    use: NDArray[np.bool_]
+    left: Array
+    A: Array
+    place: Ints
+    means: Array  # of A, by place and row
+    answers: Array  # sums of A less its means, by row and row
+
+    def variance(self) -> float:
+        """Variance of the rows' shifts, 0 where it is not significant."""
+        found, sigma = self.shared(self)
+        return found if found > SURE * sigma else 0.0
+
+    def shared(self, other: _Curved) -> tuple[float, float]:
+        """Covariance of the shifts that made both, and its standard deviation if there were none.
+
+        With z what is left, products of different dots are free of noise: ``E(z_i z_k) = cov tr(A_i A_kᵀ)``.
+        """
+        both, products = (
+            np.bincount(self.place[self.use & other.use], minlength=len(self.means)),
+            self.left * other.left,
+        )
+        own = np.sum(self.A * other.A) - both @ np.sum(self.means * other.means, axis=1)
+        scale = float(np.sum(self.answers * other.answers) - own)
+        if scale <= 0:
+            return 0.0, np.inf
+        mine, its, same, squares = (_by(self.row, x) for x in (self.left, other.left, products, products**2))
+        spread = np.sqrt(2 * max(float(np.sum(same**2 - squares)), 0.0))
+        return float(mine @ its - same.sum()) / scale, spread / scale
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The k rows of m dots: their places (m, k) in the image and off the centres, and half their heights (m,), px."""
+
+    at: Ints
+    away: Array
+    half: Array
+
+    def curved(self, width: Array, moment: Array, gain: Array) -> _Curved:
+        """Take a curve from `moment` / `width` (m, k), the middles of rows, which a shift of 1 moves by `gain` (m,)."""
+        use = width > LEAST_SHARE * width.max(axis=1, keepdims=True)
+        use &= (np.count_nonzero(use, axis=1) >= LEAST_ROWS)[:, None]
+        X = (self.away / self.half[:, None])[..., None] ** np.arange(CURVE)
+        total = np.sum(width, axis=1, where=use, keepdims=True)
+        share = np.where(use, width, 0.0) / np.where(total > 0, total, 1.0)
+        weighted = np.swapaxes(X * share[..., None], 1, 2)
+        normal = weighted @ X + (1 - use.any(axis=1))[:, None, None] * np.eye(CURVE)
+        A = share[..., None] * (np.eye(X.shape[1]) - X @ np.linalg.solve(normal, weighted))
+        left = (A @ np.where(use, moment / np.where(use, width, 1.0), 0.0)[..., None])[..., 0]
+        A = A * np.where(use.any(axis=1), gain, 0.0)[:, None, None]
+        place = np.rint(self.away / BIN_PX).astype(int)
+        place -= place.min()
+        count = np.maximum(_by(place[use], np.ones(np.count_nonzero(use)), int(place.max()) + 1), 1)
+        means = _by(place[:, :, None] * self.height + self.at[:, None, :], A, len(count) * self.height)
+        means = means.reshape(len(count), -1) / count[:, None]
+        answers = _by(self.at[:, :, None] * self.height + self.at[:, None, :], A, self.height**2)
+        there = _by((self.at * len(count) + place)[use], np.ones(np.count_nonzero(use)), self.height * len(count))
+        answers = answers.reshape(self.height, -1) - there.reshape(self.height, -1) @ means
+        left = np.where(use, left - (_by(place[use], left[use], len(count)) / count)[place], 0.0)
+        return _Curved(self.at, use, left, A, place, means, answers)
+
+    @property
+    def height(self) -> int:
+        """How many rows of the image there are, to the last one of a dot."""
+        return int(self.at.max()) + 1
+
+
+def _by(group: Ints, values: Array, length: int = 0) -> Array:
+    """Sums of values by the numbers of their groups, both of one shape."""
+    return np.asarray(np.bincount(group.ravel(), values.ravel(), length), np.float64)

@@ -142,14 +142,18 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
         diameter_px=2 * np.sqrt(np.abs(np.linalg.det(marks.ellipse[keep]))),
         missing=tuple(MissingTarget(int(board.row[i]), int(board.col[i]), why) for i, why in missing.items()),
         notes=marks.notes,
-        row_shift_px=marks.row_shift_px,
+        row_shifts=marks.row_shifts,
         height_px=2 * np.linalg.norm(marks.ellipse[keep, 1], axis=1),
     )
     cov = found.camera_cov.copy()
-    cov[:, 0, 0] += np.diagonal(found.row_cov)
+    shifts = np.zeros((3, 3)) if marks.row_shifts is None else marks.row_shifts
+    by_row = np.diagonal(found.row_share)[:, None]
+    cov[:, :1, 0] += by_row * shifts[0, 0]
     read = cov + READ_DOUBT**2 * np.einsum("ni,nj->nij", *2 * [widening(marks.uv, marks.blur**2)[keep]])
     shared = np.einsum("nij,njk,nik->ni", gradient[keep], read, gradient[keep])
-    sigma = np.sqrt(found.projector_sigma**2 + np.nan_to_num(shared))
+    by_row = by_row * gradient[keep, :, 0] ** 2
+    own = np.maximum(found.projector_sigma**2, by_row * np.diagonal(shifts)[1:])
+    sigma = np.sqrt(own + np.nan_to_num(shared + 2 * by_row * shifts[0, 1:]))
     return replace(found, camera_cov=cov, projector_sigma=sigma)
 
 

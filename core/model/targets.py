@@ -75,8 +75,9 @@ class TargetSet:
     `camera_cov` (n, 2, 2) px². `projector_uv` (n, 2) lines and `projector_sigma` (n, 2) are NaN where that axis was not
     decoded at the target. It is read at the measured centroid and shares that one's error: `gradient` (n, 2, 2) says by
     how many lines it changes per px of the camera's u and v, and `cov` is the covariance of all four. Every row of
-    the image is shifted along u as a whole, by `row_shift_px` (standard deviation; part of `camera_cov`): targets that
-    share rows, `height_px` (n,) high, share that error. `made_from` signs what they were measured from, empty where
+    the image is shifted along u as a whole, and so is what is read in it of the projector's u and v: `row_shifts`, px²
+    (3, 3), is the covariance of the three (part of `camera_cov` and `projector_sigma`). Targets share these errors in
+    the rows that they share, `height_px` (n,) of them. `made_from` signs what they were measured from, empty where
     nobody asked; `notes` are those of the decoded capture, and of picks and turns; `response` (k, 2) and `gaps` are
     those of its `PhaseMap`. `told`: nobody picked, and the image alone tells how the board is turned.
     """
@@ -96,7 +97,7 @@ class TargetSet:
     notes: tuple[str, ...] = ()
     camera: str = "camera"
     projector: str = "projector"
-    row_shift_px: float = 0.0
+    row_shifts: Array | None = None
     height_px: Array | None = None
     response: Array | None = None
     gaps: float | None = None
@@ -108,15 +109,29 @@ class TargetSet:
         return [*zip(self.row.tolist(), self.col.tolist(), strict=True)]
 
     @property
-    def row_cov(self) -> Array:
-        """Covariance (n, n) of the camera's u, px², by shifts of the image's rows."""
-        if not self.row_shift_px or self.height_px is None or not len(self.row):
+    def row_shift_px(self) -> float:
+        """Standard deviation of the shift along u that every row of the image has as a whole."""
+        return 0.0 if self.row_shifts is None else float(np.sqrt(self.row_shifts[0, 0]))
+
+    @property
+    def row_share(self) -> Array:
+        """Variance and covariance (n, n) of the targets' places along u if each row were shifted by a variance of 1."""
+        if self.row_shifts is None or self.height_px is None or not len(self.row):
             return np.zeros((len(self.row), len(self.row)))
         v, half = (self.camera_uv + self.eccentricity_px)[:, 1:], np.maximum(self.height_px[:, None] / 2, 1.0)
         rows = np.arange(np.floor((v - half).min()), (v + half).max() + 1)
         share = np.sqrt(np.maximum(1 - ((rows - v) / half) ** 2, 0.0))  # a disc's chords
-        share *= self.row_shift_px / share.sum(axis=1, keepdims=True)
+        share /= share.sum(axis=1, keepdims=True)
         return np.asarray(share @ share.T)
+
+    @property
+    def by_row(self) -> Array:
+        """How much (n, 4, 3) the camera's u, v and the projector's (lines) change with each of `row_shifts`, per px."""
+        J = np.zeros((len(self.row), 2)) if self.gradient is None else np.nan_to_num(self.gradient[:, :, 0])
+        change = np.zeros((len(self.row), 4, 3))
+        change[:, 0, 0] = 1.0
+        change[:, 2:, 0] = change[:, [2, 3], [1, 2]] = J
+        return change
 
     @property
     def cov(self) -> Array:
@@ -127,5 +142,9 @@ class TargetSet:
         whole[:, 2:, :2] = J @ self.camera_cov
         whole[:, :2, 2:] = np.swapaxes(whole[:, 2:, :2], 1, 2)
         whole[:, 2:, 2:] = J @ whole[:, :2, 2:]
+        if self.row_shifts is not None:
+            as_read = self.row_shifts * (np.add.outer(range(3), range(3)) > 0)  # the image's is in `camera_cov`
+            own = np.diagonal(self.row_share)[:, None, None]
+            whole += own * (self.by_row @ as_read @ np.swapaxes(self.by_row, 1, 2))
         whole[:, [2, 3], [2, 3]] = self.projector_sigma**2
         return whole

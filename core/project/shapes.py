@@ -27,6 +27,7 @@ SHAPES: dict[str, dict[str, str]] = {
         "eccentricity_px": "n 2",
         "diameter_px": "n",
         "height_px": "n",
+        "row_shifts": "3 3",
         "response": "k 2",
     },
     "Network": {

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import sqrtm
 
 from core.bench import Experiment, experiment, true_targets, truth_maps
 from core.bench.truth import TruthMaps
@@ -147,15 +148,20 @@ def drawn(truth: Experiment, targets: list[TargetSet], rng: np.random.Generator)
     result = []
     for t in targets:
         camera, projector = true_places(truth, t)
-        by_rows = t.row_cov
-        cov = t.camera_cov.copy()
-        cov[:, 0, 0] -= np.diagonal(by_rows)
+        shifts = np.zeros((3, 3)) if t.row_shifts is None else t.row_shifts
+        moved = rng.multivariate_normal(np.zeros(len(camera)), t.row_share, 3, method="eigh").T
+        moved = np.einsum("nij,nj->ni", t.by_row, moved @ np.real(sqrtm(shifts)).T)
+        by_row, cov = np.diagonal(t.row_share), t.camera_cov.copy()
+        cov[:, 0, 0] -= by_row * shifts[0, 0]
         off = np.einsum("nij,nj->ni", np.linalg.cholesky(cov), rng.standard_normal(camera.shape))
-        off[:, 0] += rng.multivariate_normal(np.zeros(len(by_rows)), by_rows, method="eigh")
         assert t.gradient is not None
-        shared = np.einsum("nij,njk,nik->ni", t.gradient, t.camera_cov, t.gradient)
-        own = np.sqrt(t.projector_sigma**2 - shared) * rng.standard_normal(camera.shape)
-        lines = projector + np.einsum("nij,nj->ni", t.gradient, off) + own
+        by_centre = np.einsum("nij,njk,nik->ni", t.gradient, cov, t.gradient)
+        in_row = np.einsum("nij,jk,nik->ni", t.by_row, shifts, t.by_row)[:, 2:]
+        own = np.sqrt(np.maximum(t.projector_sigma**2 - by_centre - by_row[:, None] * in_row, 0.0))
+        lines = (
+            projector + np.einsum("nij,nj->ni", t.gradient, off) + moved[:, 2:] + own * rng.standard_normal(own.shape)
+        )
+        off += moved[:, :2]
         result.append(replace(t, camera_uv=camera + off, projector_uv=np.where(np.isfinite(own), lines, np.nan)))
     return result
 

@@ -24,7 +24,7 @@ from core.measure.picks import check_picks, snap
 from core.measure.profile import PLATEAU, Profiles, profiles
 from core.measure.propose import find_dots, propose_picks
 from core.measure.rays import Rays
-from core.measure.rows import row_shift
+from core.measure.rows import row_shifts
 from core.measure.single import dot_at
 from core.measure.view import fit_both_tilts
 from core.model import Array, DeviceSpec, Floats, Seed, Testfield
@@ -102,9 +102,9 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     ellipse = rays.ellipse * scale[:, None, None]
     window = profile.window / scale
     good = np.array([not f for f in fault], dtype=bool)
-    shift = row_shift(image, *(a[good] for a in (uv, ellipse, window, profile.plane, profile.contrast)))
+    shifts = row_shifts(image, sight.phase, *(a[good] for a in (uv, ellipse, window, profile.plane)))
     seen, zero = None if dark else light, np.zeros_like(uv)
-    return Marks(target, uv, cov, ellipse, window, profile.blur, zero, {}, row_shift_px=shift, light=seen), fault
+    return Marks(target, uv, cov, ellipse, window, profile.blur, zero, {}, row_shifts=shifts, light=seen), fault
 
 
 def _light(
@@ -154,7 +154,7 @@ def _centred(sight: Sight, lattice: Lattice, dots: Marks, fault: list[str]) -> M
         dots.blur[good],
         shift,
         reasons(sight.phase, replace(lattice, view=view), faults),
-        row_shift_px=dots.row_shift_px,
+        row_shifts=dots.row_shifts,
         light=None if dots.light is None else dots.light[good],
     )
 

@@ -50,8 +50,8 @@ class Marks:
     shift: Array  #: (m, 2): the correction that `uv` contains: what was measured minus `uv`, px
     missing: dict[int, str]  #: why each of the other targets was not measured
     notes: tuple[str, ...] = ()  #: what else an operator should know
-    #: standard deviation of the shift that all of an image row has in common, which is not in `cov`
-    row_shift_px: float = 0.0
+    #: (3, 3): covariance of the shifts that all of an image row has in common, px²; see `TargetSet`; not in `cov`
+    row_shifts: Array | None = None
     light: Array | None = None  #: (m, 2): relative change, per px, of the light on bright targets
     code: float = np.inf  #: radius, in that unit disc, from which something else is printed round the targets
 

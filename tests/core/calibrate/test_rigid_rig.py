@@ -329,14 +329,26 @@ def numerical_design(adjustment, bar):
     return np.array(columns).T / np.append(network.observation_sigma.ravel(), bar.sigma_mm)[:, None]
 
 
+def in_rows(t):
+    """Covariances (n, n, 4, 4) of two targets in one row that is shifted by 1: what is seen of both moves alike."""
+    (image, u, v), along = t.row_shifts, t.gradient[:, :, 0]
+    moves = [(1.0, 0.0, a, b) for a, b in along], [(0.0, 0.0, a, 0.0) for a, _ in along]
+    moves = [np.array(m) for m in (*moves, [(0.0, 0.0, 0.0, b) for _, b in along])]
+    pairs = [(moves[i], row[j] * moves[j]) for i, row in enumerate((image, u, v)) for j in range(3)]
+    return sum(np.einsum("ia,jb->ijab", one, other) for one, other in pairs)
+
+
 def test_errors_that_targets_share_are_in_the_covariance(measured):
     _, rig, field, sets, bar = measured
     for k in (1, 4):
         gradient = np.tile([[0.9, 0.1], [-0.1, 1.1]], (len(sets[k].row), 1, 1))
-        rows = replace(sets[k], gradient=gradient, row_shift_px=0.04, height_px=np.full(len(gradient), 30.0))
-        cov = rows.camera_cov + np.array([[0.0, 1e-4], [1e-4, 0.0]])
-        cov[:, 0, 0] += np.diagonal(rows.row_cov)
-        sigma = np.sqrt(0.02**2 + np.diagonal(gradient @ cov @ gradient.transpose(0, 2, 1), axis1=1, axis2=2))
+        shifts = np.array([[16, -6, 0], [-6, 9, 2], [0, 2, 4]]) * 1e-4
+        rows = replace(sets[k], gradient=gradient, row_shifts=shifts, height_px=np.full(len(gradient), 30.0))
+        cov, own = rows.camera_cov + np.array([[0.0, 1e-4], [1e-4, 0.0]]), np.diagonal(rows.row_share)
+        by_centre = gradient @ cov @ gradient.transpose(0, 2, 1)
+        cov[:, 0, 0] += own * shifts[0, 0]
+        by_row = own[:, None, None] * np.einsum("iiab->iab", in_rows(rows))
+        sigma = np.sqrt(0.02**2 + np.diagonal(by_centre + by_row[:, 2:, 2:], axis1=1, axis2=2))
         sets[k] = replace(rows, camera_cov=cov, projector_sigma=sigma)
     options = AdjustOptions(variance_components=False)
     calibration, adjustment = calibrate_photogrammetric(rig, field, sets, scale=bar, options=options)
@@ -347,13 +359,12 @@ def test_errors_that_targets_share_are_in_the_covariance(measured):
         for o, (s, p) in enumerate(zip(network.observation_station, network.observation_point, strict=True))
     }
     for k in (1, 4):
-        t, rows = sets[k], sets[k].row_cov
+        t, rows = sets[k], sets[k].row_share
         key = [f"{r}/{c}" for r, c in zip(t.row, t.col, strict=True)]
         at = [[place.get((f"{t.capture}/{name}", p)) for name in ("camera", "projector")] for p in key]
         for i, one in enumerate(at):
             for j, other in enumerate(at):
-                by_u, to_u = (np.append([1.0, 0.0], t.gradient[x][:, 0]) for x in (i, j))
-                block = t.cov[i] if i == j else rows[i, j] * np.outer(by_u, to_u)
+                block = t.cov[i] if i == j else rows[i, j] * in_rows(t)[i, j]
                 for a, b in np.ndindex(2, 2):
                     if one[a] is not None and other[b] is not None:
                         part = block[2 * a : 2 * a + 2, 2 * b : 2 * b + 2]
