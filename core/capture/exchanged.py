@@ -27,6 +27,7 @@ ODD, ODD_CELLS = 0.03, 3  # of the cells may be left by jumps; bits that hardly 
 # cells, least, meant and most, by which the coordinate rises where its way in a cell is looked at
 STEADY = 1.5, 2.5, 4.0
 SURE_LINES = 0.15  # a smaller step in a cell is noise
+LEAST_REACH = 3  # pixels over which a coordinate rises
 PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exchanged steps 0.9
 
 
@@ -88,8 +89,8 @@ def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
     for image, those in ways:
         step = np.diff(image)
         usual = _usual(step)
-        if usual > 0:
-            reach = int(np.clip(round(STEADY[1] * cell / usual), 3, image.shape[1] // 3))
+        if usual > 0 and image.shape[1] >= 3 * LEAST_REACH:
+            reach = int(np.clip(round(STEADY[1] * cell / usual), LEAST_REACH, image.shape[1] // 3))
             rise = image[:, reach:] - image[:, :-reach]
             seen.append((step[:, : rise.shape[1]], rise, those[:, :-reach] == those[:, 1 : 1 - reach]))
 

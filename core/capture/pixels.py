@@ -35,7 +35,7 @@ ROUGHER = 2.0  # sound frames of 8 to 12 bits have at most 1; exchanged ones 3.2
 
 def bytes_exchanged(images: Sequence[NDArray]) -> list[Finding]:
     """Neighbours differ far less, for what the image varies in all, once the bytes of each value are exchanged."""
-    if images[0].dtype != np.uint16:
+    if images[0].dtype != np.uint16 or images[0].shape[1] < 2:
         return []
     image = max((i[::4] for i in images), key=lambda i: float(i.std()))
     own, other = (

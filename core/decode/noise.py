@@ -227,7 +227,7 @@ def without_harmonics(
         inner = told & (np.max(square / usual, axis=0) < OUTSIDE)
         some = design[:, inner]
         normal = some @ some.T
-        normal += 1e-9 * np.trace(normal) / len(normal) * np.eye(len(normal))
+        normal += max(1e-9 * np.trace(normal) / len(normal), TINY) * np.eye(len(normal))  # flat frames have no waves
         parts = np.linalg.solve(normal, some @ flat[:, inner].T).T
         left = flat - parts @ design
     number = int(np.count_nonzero(inner))

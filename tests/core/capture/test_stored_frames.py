@@ -539,6 +539,13 @@ def test_a_code_alone_has_no_phase_steps_that_were_exchanged() -> None:
     assert "phase steps" in exchanged_frames(stepped, [("x", edges, "columns")])[0].text
 
 
+@pytest.mark.parametrize("rows", [1, 2, 4, 8])
+def test_images_of_a_few_rows_have_no_exchanged_frames(rows: int) -> None:
+    patterns = gray_and_phase("x", 128, cell=2, periods=[4.0], steps=4)
+    u = (np.arange(400) / 4 + 0.3 * np.arange(rows)[:, None]).astype(np.float32)
+    assert exchanged_frames(patterns, [("x", u, "columns")]) == []
+
+
 def test_shadow_and_scattered_light_are_no_contradiction_at_import() -> None:
     patterns = list(SEQUENCES["sine"])
     images = []

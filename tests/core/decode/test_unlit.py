@@ -100,3 +100,12 @@ def test_frames_without_any_light_tell_nothing() -> None:
     assert not np.isfinite(phase.u).any()
     assert not np.isfinite(phase.v).any()
     assert phase.notes
+
+
+def test_flat_frames_of_a_small_image_have_one_coordinate_at_most() -> None:
+    """No wave is left of which harmonics could be told: their equations were singular."""
+    patterns = SequenceSpec("multi-frequency", {"period": 16, "axes": "x"}).patterns(LINES)
+    for seed in range(8):
+        levels = np.random.default_rng(seed).integers(0, 256, len(patterns))
+        found = decode(patterns, [np.full((12, 13), level, np.uint8) for level in levels], lines=LINES)
+        assert len(np.unique(found.u[np.isfinite(found.u)])) <= 1
