@@ -37,6 +37,7 @@ def repeated_frames(
     projectors: Mapping[str, DeviceSpec],
     contents: Mapping[str, str | None],
     blank: Callable[[Frame], bool],
+    whole: Callable[[Capture, Frame], bool] = lambda *_: False,
 ) -> list[Concern]:
     """Find frames whose bytes stand under another pattern or in another capture as well.
 
@@ -48,6 +49,9 @@ def repeated_frames(
         Hash of every frame's file, by its place.
     blank : callable
         Whether a frame has one grey value: darkness without noise is the same everywhere.
+    whole : callable
+        Whether a frame shows all light of its capture, or none, without noise: so does every code frame that is on, or
+        off, on all lines that the camera sees.
     """
     places: dict[str, list[tuple[Capture, Frame]]] = {}
     for capture in captures:
@@ -58,7 +62,7 @@ def repeated_frames(
     for same in places.values():
         lit = [(c, f) for c, f in same if not _dark(f.pattern)]  # one black frame may serve many captures
         within = [(x, y) for _, own in groupby(lit, lambda held: held[0].path) for x, y in combinations(own, 2)]
-        found = [(x, y) for x, y in within if not _look_alike(x[1], y[1], projectors)]
+        found = [(x, y) for x, y in within if not _look_alike(x[1], y[1], projectors) and not whole(*x)]
         found += [(lit[0], y) for y in lit[1:] if y[0] is not lit[0][0]]  # of many the first is enough
         if found and not blank(lit[0][1]):
             for (a, f), (b, g) in found:

@@ -95,7 +95,7 @@ def shared_frames(project: Project, capture: Capture) -> tuple[Note, ...]:
     known = contents.learn(f.place for f in alike if _middle(f) in middles)
     own = {known.get(frame.place) for frame in capture.frames} - {None}
     shared = {place: key for place, key in known.items() if key in own}
-    found = repeated_frames([*others, capture], project.rig.projectors, shared, has_one_value)
+    found = repeated_frames([*others, capture], project.rig.projectors, shared, has_one_value, shows_all_or_no_light)
     contents.keep()
     name = capture.name
     told = [c.text.removeprefix(name) for c in found if c.text.startswith((f"{name}: ", f"{name} "))]
@@ -105,6 +105,15 @@ def shared_frames(project: Project, capture: Capture) -> tuple[Note, ...]:
 def has_one_value(frame: Frame) -> bool:
     """Whether a frame is of one grey value: darkness without noise is the same everywhere."""
     return not np.ptp(read_image(frame.path))
+
+
+def shows_all_or_no_light(capture: Capture, frame: Frame) -> bool:
+    """Whether no other frame of the same devices is brighter anywhere, or none darker: with noise some always are."""
+    image = read_image(frame.path)
+    others = [f.path for f in capture.frames if (f.camera, f.projector) == (frame.camera, frame.projector)]
+    return any(
+        all(np.all(way(read_image(path), image)) for path in others) for way in (np.less_equal, np.greater_equal)
+    )
 
 
 def _size(frame: Frame) -> int | None:

@@ -203,3 +203,29 @@ def test_files_of_one_size_are_not_hashed_to_tell_whether_captures_share_them(
         "5.tif also stands in a: a file of another capture; record it again"
     ]
     assert [name for name in hashed if Path(name).parent != own] == [str(tmp_path / "captures/a/3.tif")]
+
+
+def test_code_frames_without_noise_that_are_lit_all_over_are_one_image(tmp_path: Path) -> None:
+    """A rendered camera sees lines 0 to 15 of 64, whose first two bits are off, and their inverses on."""
+    lines = np.tile(np.arange(16).repeat(4), (48, 1))
+    frames = []
+    for bit in range(6):
+        for inverse in (False, True):
+            on = ((lines ^ lines >> 1) >> (5 - bit) & 1) ^ inverse
+            cv2.imwrite(str(tmp_path / f"{len(frames)}.png"), (20 + np.arange(64) + 100 * on).astype(np.uint8))
+            pattern = {"kind": "gray", "axis": "x", "bit": bit, "bits": 6, "cell": 1, "inverse": inverse}
+            frames.append({"file": f"{len(frames)}.png", "pattern": pattern})
+    head = {"format": "stripe-capture", "version": 1, "role": "object", "frames": frames}
+    (tmp_path / "capture.json").write_text(json.dumps(head))
+    device = {"width": 64, "height": 48, "pitch_mm": [0.01, 0.01], "nominal_c_mm": 1.0}
+    rig = {"camera": device, "projector": device, "captures": ["."]}
+    (tmp_path / "project.json").write_text(json.dumps({"format": "stripe-project", "version": 1, "name": "p", **rig}))
+    project = read_project(tmp_path)
+
+    def told() -> list[str]:
+        return [str(note) for note in shared_frames(project, read_capture(tmp_path, project))]
+
+    assert told() == []
+    shutil.copy(tmp_path / "9.png", tmp_path / "1.png")
+    shutil.copy(tmp_path / "9.png", tmp_path / "3.png")
+    assert told() == ["1.png and 3.png are the same image under two patterns and 2 pairs more: record one again"]
