@@ -109,10 +109,10 @@ def measured(truth: Experiment, targets: list[TargetSet]) -> dict[str, Deviation
         assert t.gradient is not None
         off, lines, cov = t.camera_uv - camera, t.projector_uv - projector, t.cov
         read = lines - np.einsum("nij,nj->ni", t.gradient, off)
-        of_centre = t.gradient @ t.camera_cov @ np.swapaxes(t.gradient, 1, 2)
+        of_both = np.concatenate([-t.gradient, np.broadcast_to(np.eye(2), t.gradient.shape)], axis=2)
         parts["centre"].append((off, t.camera_cov))
         parts["coordinate"].append((lines, cov[:, 2:, 2:]))
-        parts["coordinate where read"].append((read, cov[:, 2:, 2:] - of_centre))
+        parts["coordinate where read"].append((read, of_both @ cov @ np.swapaxes(of_both, 1, 2)))
     return {name: of_groups(*map(np.concatenate, zip(*each, strict=True))) for name, each in parts.items()}
 
 
