@@ -88,16 +88,21 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
         usual = float(np.median(off[known])) / MEDIAN_OF_NORMAL
         root = known / np.sqrt(1 + (off / (3 * max(usual, noise))) ** 2)
 
-    def there(du: float, dv: float) -> Array:
-        at = x + np.array([du, dv]) / size
-        return np.asarray(terms(at) @ fit[:-2] / (1 + at @ fit[-2:]))
+    def there(step: Array) -> Array:
+        """Derivatives of the coordinate a step aside by all terms (n, p), and the coordinate as the last column."""
+        at = x + step / size
+        poly, below = terms(at), 1 + at @ fit[-2:]
+        value = poly @ fit[:-2] / below
+        return np.concatenate([poly, -at * value[:, None], value[:, None] * below[:, None]], axis=1) / below[:, None]
 
-    here, one = there(0, 0), np.eye(2)
-    uu, vv = (there(*step) + there(*-step) - 2 * here for step in one)
+    (u, v), here = np.eye(2), there(np.zeros(2))
+    uu, across, vv = (there(step) + there(-step) - 2 * here for step in (u, u + v, v))
+    second = np.stack([uu, (across - uu - vv) / 2, vv], axis=1)
+    fitted = np.linalg.norm(second[..., :-1] @ np.linalg.inv(R), axis=2).max(axis=1) * max(usual, noise)
     apart = np.median(np.linalg.norm(uv[known] - uv[known][nearest(uv[known], 2)[:, 1]], axis=1))
     uneven = np.sqrt(max(usual**2 - EVEN * noise**2, 0.0)) * (np.pi / (2 * apart)) ** 2
-    found = uu, (there(1, 1) + there(-1, -1) - 2 * here - uu - vv) / 2, vv, np.full_like(uu, uneven)
-    return np.where((known & (np.sum(Q * Q, axis=1) < MOST_SHARE))[:, None], np.stack(found, axis=1), np.nan)
+    found = np.concatenate([second[..., -1], np.hypot(fitted, uneven)[:, None]], axis=1)
+    return np.where((known & (np.sum(Q * Q, axis=1) < MOST_SHARE))[:, None], found, np.nan)
 
 
 def _surface(

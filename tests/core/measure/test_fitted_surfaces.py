@@ -63,6 +63,23 @@ def test_dots_that_tell_together_how_a_surface_bends_are_twice_as_precise(fit, b
     assert np.median(sigmas) < 0.6
 
 
+def test_a_strip_of_dots_says_how_well_it_tells_the_bend_across():
+    rng = np.random.default_rng(8)
+    uv = np.stack(np.meshgrid(np.arange(60, 680, 17.0), [100.0, 130.0, 160.0]), axis=-1).reshape(-1, 2)
+    uv += rng.uniform(-1, 1, uv.shape) * [1, 0.3]  # rows are never quite straight
+    v, u = np.mgrid[:250, :748]
+    true = seen_by_projector(np.stack([u, v], axis=-1).reshape(-1, 2).astype(float), 0.7).reshape(u.shape)
+    sigma, ellipse = np.full(u.shape, 0.05, np.float32), np.stack([ELLIPSE] * len(uv))
+    ratios = []
+    for _ in range(3):
+        values = (true + 0.05 * rng.standard_normal(u.shape)).astype(np.float32)
+        bend = bends(uv, *inside_dot(values, sigma, uv, ellipse, np.full(len(uv), 1.3)))
+        value, spread = inside_dot(values, sigma, uv, ellipse, np.full(len(uv), 1.3), bend)
+        ratios.append((value - seen_by_projector(uv, 0.7)) / spread)
+    assert np.sqrt(np.mean(np.square(ratios))) < 1.1  # 330 values: known to 4 %
+    assert np.abs(ratios).max() < 4.5
+
+
 def test_surfaces_of_few_dots_bend_by_themselves():
     uv = np.stack(np.meshgrid(np.arange(5) * 30.0, np.arange(6) * 30.0), axis=-1).reshape(-1, 2)
     assert np.isnan(bends(uv, 0.8 * uv[:, 0], np.full(30, 0.01))).all()
