@@ -187,13 +187,14 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)
         fits = (lit & (not dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)
-        bend = np.full((len(centre), 4), np.nan)
+        unread, bend = dark | lost, np.full((len(centre), 4), np.nan)
         for rough in (ROUGH, 1.0):  # how the surface bends, all targets tell together
             for which, fit, to in fits:
                 value, its_error = fit(values, spread, centre[which], ellipse[which], to[which], bend[which])
-                valid = np.isfinite(value) & (dark | lost[which] | (its_error < rough * error[which]))
+                valid = np.isfinite(value) & (unread[which] | (its_error < rough * error[which]))
                 better = np.flatnonzero(which)[valid]
                 found[better], error[better] = value[valid], its_error[valid]
+            unread = np.isnan(found)
             if np.isnan(bend := bends(centre, found, error)).all():
                 break
         error[~np.isfinite(found)] = np.nan
