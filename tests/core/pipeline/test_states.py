@@ -16,6 +16,7 @@ import cv2
 import pytest
 
 from core.cli import main
+from core.model import Project
 from core.pipeline import (
     CalibrateOptions,
     calibrate_project,
@@ -400,14 +401,13 @@ def test_the_work_of_opening_grows_with_the_captures_and_not_with_their_square(
 ) -> None:
     monkeypatch.setattr("core.project.contents._TICK_NS", 0)  # what was linked just now would be hashed again
 
-    def calls() -> int:
-        project, count = read_project(whole), 0
+    def calls(project: Project) -> int:
+        count = 0
 
         def one(_frame: object, event: str, _arg: object) -> None:
             nonlocal count
             count += event in ("call", "c_call")
 
-        project_states(project)  # hashes what is new
         sys.setprofile(one)
         try:
             project_states(project)
@@ -427,7 +427,9 @@ def test_the_work_of_opening_grows_with_the_captures_and_not_with_their_square(
     found = []
     for count in (0, 40, 80):
         more(count)
-        found.append(calls())
+        project = read_project(whole)
+        project_states(project)  # hashes what is new
+        found.append(min(calls(project) for _ in range(3)))  # of other tests' garbage the least
     assert found[2] - found[1] < 1.1 * (found[1] - found[0]), found
 
 
