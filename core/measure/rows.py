@@ -103,10 +103,8 @@ class _Curved:
 
         With z what is left, products of different dots are free of noise: ``E(z_i z_k) = cov tr(A_i A_kᵀ)``.
         """
-        both, products = (
-            np.bincount(self.place[self.use & other.use], minlength=len(self.means)),
-            self.left * other.left,
-        )
+        both = np.bincount(self.place[self.use & other.use], minlength=len(self.means))
+        products = self.left * other.left
         own = np.sum(self.A * other.A) - both @ np.sum(self.means * other.means, axis=1)
         scale = float(np.sum(self.answers * other.answers) - own)
         if scale <= 0:

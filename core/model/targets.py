@@ -116,7 +116,7 @@ class TargetSet:
     @property
     def row_share(self) -> Array:
         """Variance and covariance (n, n) of the targets' places along u if each row were shifted by a variance of 1."""
-        if self.row_shifts is None or self.height_px is None or not len(self.row):
+        if self.row_shifts is None or not self.row_shifts.any() or self.height_px is None or not len(self.row):
             return np.zeros((len(self.row), len(self.row)))
         v, half = (self.camera_uv + self.eccentricity_px)[:, 1:], np.maximum(self.height_px[:, None] / 2, 1.0)
         rows = np.arange(np.floor((v - half).min()), (v + half).max() + 1)
