@@ -21,7 +21,7 @@ steps.py          the light of a curved, blurred edge in square pixels, and how 
 centroid.py       weighted centroid, its covariance, the image's noise
 grain.py          raw images of colour cameras; noise that neighbours share
 defocus.py        blur that changes across a dot, and what it draws
-rows.py           how far whole rows of the image are shifted
+rows.py           how far whole rows of the image are shifted, and what is read in them
 circles.py        the middle of an ellipse is not the image of the circle's centre
 projector.py      projector coordinates from the phase maps
 single.py         what an operator sees while picking: the dot at hand, the predicted grid

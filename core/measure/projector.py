@@ -65,8 +65,8 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     """Second derivatives (n, 4) of a coordinate by the camera's u twice, u and v, v twice, and their sigma: lines/px².
 
     From values (n,) at all targets of a board: a projection of a plane, and a polynomial for all that it is not, lenses
-    and a board that is bent. What is left beyond noise may be waves over four targets. NaN where
-    the targets do not tell, or one has itself to go by.
+    and a board that is bent. What is left beyond noise may be waves over four targets. NaN where the targets do not
+    tell, or one has itself to go by.
     """
     nothing, known = np.full((len(uv), 4), np.nan), np.isfinite(lines) & (sigma > 0)
     powers = [(i, k - i) for k in range(DEGREE + 1) for i in range(k + 1)]
