@@ -5,7 +5,7 @@ captures.py  project.json, testfield.csv, capture.json and picks.json, read and 
 boards.py    regular testfields, and a new project without captures
 rigs.py      the rig in project.json
 unfinished.py a capture that was interrupted
-networks.py  a network folder, read and written
+networks.py  a network folder, read and written; schema.py the published schema of all these
 archive.py   the program's own results (targets, calibrations, evaluations), one file each; shapes.py their checks
 contents.py  hashes of files, remembered; lock.py one writer at a time; made.py what may be replaced
 """

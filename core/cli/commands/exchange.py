@@ -1,4 +1,4 @@
-"""Calibrations to and from other programs."""
+"""Calibrations to and from other programs, and the schema of the files that they may write."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ def add(commands: Commands) -> None:
     add_devices(sub)
     words = "several cameras in the order of the file; without --projector it only labels corresponding places"
     sub.add_argument("--cameras", nargs="+", default=(), metavar="NAME", help=words)
+
+    commands.add("schema", _schema, "print the JSON Schema of project.json, capture.json, picks.json and network.json")
 
 
 def _named(options: Options, *others: str) -> dict[str, Any]:
@@ -78,3 +80,12 @@ def _import(options: Options, progress: Progress) -> dict[str, Any]:
     _tell_devices(options)
     print(f"kept as run {max(pipeline.runs.current_runs(project).values())}")
     return figures
+
+
+def _schema(options: Options, progress: Progress) -> dict[str, Any]:
+    import json
+
+    from core.project.schema import files_schema
+
+    print(text := files_schema(), end="")
+    return dict(json.loads(text))
