@@ -2,7 +2,9 @@
 
 The targets of one image share the shifts of the rows that they share, and a projector coordinate is read at the
 camera's measured centre. The adjustment weighs all observations as if they were independent, which costs little; with
-A its whitened equations and ``I + E`` their true covariance the cofactors of the unknowns are ``Q + Q AᵀEA Q``.
+A its whitened equations and ``I + E`` their true covariance the cofactors of the unknowns are ``Q + Q AᵀEA Q``. The
+unknowns follow what observations have in common: residuals are smaller for it than their redundancy says, by
+``tr(Q AᵀEA)`` in all squares.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from core.model import Array, Ints, Network, TargetSet
 
 
 def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
-    """Give a solution whose cofactors of all kept unknowns hold what its targets share."""
+    """Give a solution whose cofactors of all kept unknowns, and variance factors, hold what its targets share."""
     problem, inverse, U = solved.problem, solved.inverse, len(solved.inverse.Q)
     C = inverse.C.reshape(-1, U)
     # unknowns as they are kept, then those eliminated, and a last one for what is held
@@ -72,8 +74,17 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
             found[np.ix_(all_of[half], each)] += between[half]
             found[np.ix_(each, all_of[half])] += between[half].T
     found[point_at : point_at + 3 * n, point_at : point_at + 3 * n] = of_points.transpose(2, 0, 3, 1).reshape(3 * n, -1)
+    found = found[:-1, :-1]
     Q = np.concatenate([inverse.Q, -C @ inverse.Q])
-    return replace(solved, inverse=replace(inverse, Q=inverse.Q + Q.T @ found[:-1, :-1] @ Q))
+    carried = found @ Q
+    blocks = U + np.arange(len(C)).reshape(inverse.C.shape[:2])
+    followed = np.trace(carried[:U]) - np.sum(C * carried[U:])
+    followed += np.sum(inverse.Q_own * found[blocks[:, :, None], blocks[:, None, :]])
+    left = 1.0 - float(followed) / problem.redundancy
+    factors = {
+        name: 1.0 if factor == 1 else factor / left for name, factor in solved.factors.items()
+    }  # 1: not asked for
+    return replace(solved, inverse=replace(inverse, Q=(inverse.Q + Q.T @ carried) / left), factors=factors)
 
 
 def _root(cov: Array | None) -> Array:

@@ -76,16 +76,21 @@ def unit_hint(*ratios: float) -> str:
 
 
 def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:
-    """By device, the variance factor of its observations against the sigmas given, and its redundancy."""
+    """By device, the variance factor of its observations against the sigmas given, and its redundancy.
+
+    It is the one estimated, which knows what observations have in common, where one was.
+    """
     network = adjustment.network
     device = np.array(network.station_device)[network.observation_station]
     squares = (adjustment.residuals / network.observation_sigma) ** 2
+    estimated = any(factor != 1 for factor in adjustment.variance_factors.values())
     result = {}
     for name in adjustment.devices:
         own = device == name
         redundancy = float(np.nansum(adjustment.redundancy_numbers[own]))
         if redundancy > 1:
-            result[name] = float(np.nansum(squares[own])) / redundancy, redundancy
+            by_residuals = float(np.nansum(squares[own])) / redundancy
+            result[name] = adjustment.variance_factors[name] if estimated else by_residuals, redundancy
     return result
 
 

@@ -370,12 +370,27 @@ def test_errors_that_targets_share_are_in_the_covariance(measured):
                         part = block[2 * a : 2 * a + 2, 2 * b : 2 * b + 2]
                         unit = np.outer(network.observation_sigma[one[a]], network.observation_sigma[other[b]])
                         S[2 * one[a] : 2 * one[a] + 2, 2 * other[b] : 2 * other[b] + 2] = part / unit
-    back = np.linalg.pinv(A, rcond=1e-11)[:18]  # interior orientations do not depend on the datum
-    true, plain = back @ S @ back.T, back @ back.T
+    inverse = np.linalg.pinv(A, rcond=1e-11)
+    rest = np.eye(len(A)) - A @ inverse
+    left = np.trace(rest @ S @ rest.T) / adjustment.redundancy  # of vᵀPv, which the unknowns follow more than usual
+    assert left < 0.995
+    back = inverse[:18]  # interior orientations do not depend on the datum
+    true, plain = back @ S @ back.T / left, back @ back.T
     unit = np.sqrt(np.diagonal(true))
     found = calibration.covariance[:18, :18] / adjustment.sigma0**2
     assert np.abs((found - true) / np.outer(unit, unit)).max() < 1e-4
     assert np.abs((plain - true) / np.outer(unit, unit)).max() > 0.05  # what is shared counts
+    asked, again = calibrate_photogrammetric(
+        rig, field, sets, scale=bar, options=AdjustOptions(variance_components=True)
+    )
+    squares = np.nansum((again.residuals / network.observation_sigma) ** 2)
+    by_redundancy = sum(
+        factor
+        * np.nansum(again.redundancy_numbers[[network.station_device[s] == name for s in network.observation_station]])
+        for name, factor in again.variance_factors.items()
+    )
+    assert by_redundancy == pytest.approx(squares / left, rel=2e-3)
+    assert asked.sigma0 == pytest.approx(1.0, abs=1e-3)
 
 
 def test_covariances_stay_positive_where_what_is_shared_was_given_too_large(measured):
