@@ -52,8 +52,8 @@ def write_patterns(
 
     Without a sequence it is the project's own, else that of its latest capture, else fringes of grey. `linearise`
     writes the levels that make the projector's light what the patterns mean, by its `response` in project.json. `out`
-    is new, empty, or holds such images only, which are replaced: anything else, or a response that is missing or does
-    not rise, is an InputError.
+    is new, empty, or holds such images only, as they were written, which are replaced: anything else, or a response
+    that is missing or does not rise, is an InputError.
     """
     project = read_project(folder)
     spec = sequence or shown_sequence(project)
@@ -103,15 +103,13 @@ def _inverse(where: Path, projector: DeviceSpec) -> tuple[NDArray[np.float64], N
 
 
 def _stale(out: Path) -> Sequence[Path]:
-    """Give the images of an earlier call; refuse a folder that holds anything else."""
+    """Give the images of an earlier call; refuse a folder that holds anything else, as the frames of a capture."""
     if not out.exists():
         return []
     if not out.is_dir():
         raise InputError(out, "is a file", "choose a new or empty folder")
-    others = foreign(out)
-    unlike = [name for name in others if not IMAGES.fullmatch(name)]
-    if unlike or (others and not (out / "capture.json").is_file()):
-        raise InputError(out, f"holds {(unlike or others)[0]}", "choose a new or empty folder")
+    if others := foreign(out):
+        raise InputError(out, f"holds {others[0]}, not as `patterns` wrote it", "choose a new or empty folder")
     return [p for p in out.iterdir() if IMAGES.fullmatch(p.name)]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -358,6 +359,17 @@ def test_a_folder_of_something_else_is_left_alone(project: Path, tmp_path: Path)
     (tmp_path / "out" / "thesis.txt").write_text("x")
     assert main(["patterns", str(project), "--out", str(tmp_path / "out"), "--sequence", "paper"]) == 2
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["thesis.txt"]
+
+
+def test_patterns_never_replace_the_frames_of_a_capture(project: Path, tmp_path: Path, capsys) -> None:
+    """Imported frames have the names of patterns, and were deleted for these."""
+    take(tmp_path / "in", "gray-sine")
+    assert main([*command(project, tmp_path), "--sequence", "gray-sine"]) == 0
+    own = {path: path.read_bytes() for path in (project / "captures" / "a").iterdir()}
+    capsys.readouterr()
+    assert main(["patterns", str(project), "--out", str(project / "captures" / "a")]) == 2
+    assert re.search(r"captures/a: holds \S+, not as `patterns` wrote it; choose", capsys.readouterr().err)
+    assert {path: path.read_bytes() for path in (project / "captures" / "a").iterdir()} == own
 
 
 @pytest.mark.parametrize("sequence", ["paper", "gray-sine", "gray-inverse", "multi-frequency", "two-period"])
