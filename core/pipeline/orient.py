@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
 
-from core.errors import InputError, TooLittleSeenError
+from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import knows, pair_for, pair_of
 from core.lazy import dataclass
 from core.model import Capture, DriftPoint, KnownLength, Pair, PhaseMap, PhotogrammetricCalibration, Project, RigMotion
@@ -169,21 +169,23 @@ def _orient(look: Look, series: Sequence[Capture], wanted: Wanted, progress: Pro
         seen = f"{capture.camera} and {others[0].camera} are two cameras, which are only watched"
         raise InputError(capture.name, seen, "correct a camera and a projector, or calibrate again")
     project = look.project
-    phase = look.phase(series, progress.part(0.0, 0.3))
-    motion = find_motion(
-        phase,
-        look.pair(series),
-        lengths=[between_targets(project, capture, length) for length in wanted.lengths],
-        points=None if points is None else known_points(project, capture, phase, points),
-        capture=capture.name,
-        options=OrientOptions(significance=significance),
-        progress=progress.part(0.3, 1.0),
-    )
+    kept = _corrected(project, capture)
+    with still_used(kept, lambda: hash_value(look.made_from(series))) if wanted.correct else nullcontext():
+        phase = look.phase(series, progress.part(0.0, 0.3))
+        motion = find_motion(
+            phase,
+            look.pair(series),
+            lengths=[between_targets(project, capture, length) for length in wanted.lengths],
+            points=None if points is None else known_points(project, capture, phase, points),
+            capture=capture.name,
+            options=OrientOptions(significance=significance),
+            progress=progress.part(0.3, 1.0),
+        )
     with suppress(InputError):  # a project that may only be read is judged all the same, and again the next time
         if wanted.keep:
             save_archive(_drift(project, series), motion, look.made_from(series))
     if wanted.correct:
-        save_archive(_corrected(project, capture), (motion, hash_value(look.made_from(series))))
+        save_archive(kept, (motion, hash_value(look.made_from(series))))
     return motion
 
 
@@ -272,6 +274,19 @@ def kept_correction(project: Project, capture: Capture, path: Path, signature: s
     if of != signature:
         raise InputError(path, "was found with another calibration, or from other frames", again)
     return found
+
+
+@contextmanager
+def still_used(kept: Path, signature: Callable[[], str]) -> Iterator[None]:
+    """Where a correction fails, say that an earlier one of the same frames and calibration is there for `--orient`."""
+    try:
+        yield
+    except (InputError, AdjustmentError) as error:
+        with suppress(InputError):
+            if load_archive(kept, tuple)[1] == signature():
+                seen = f"{error.seen} (the earlier correction stays in use for --orient: delete {kept} to be rid of it)"
+                error = type(error)(error.where, seen, error.remedy)
+        raise error from None
 
 
 def _motion_if_seen(look: Look, series: Sequence[Capture]) -> RigMotion | None:

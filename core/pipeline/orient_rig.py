@@ -9,7 +9,7 @@ from core.model import Capture, Figures, PhotogrammetricCalibration, Project, Ri
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.folders import find_capture, result_path
 from core.pipeline.inputs import decoded_from
-from core.pipeline.orient import Look, kept_correction, signature_of
+from core.pipeline.orient import Look, kept_correction, signature_of, still_used
 from core.progress import SILENT, Progress
 from core.project import save_archive
 from core.project.contents import hash_value
@@ -34,9 +34,11 @@ def correct_together(project: Project, name: str, progress: Progress = SILENT) -
     if not (pairs := _together(look)):
         return None
     parts = zip(pairs, progress.part(0.0, 0.5).parts(len(pairs)), strict=True)
-    seen = {pair: look.phase(look.series(*pair), part) for pair, part in parts}
-    found = correct_rig(seen, calibration, capture=look.capture.name, progress=progress.part(0.5, 1.0))
-    save_archive(_kept(project, look.capture), (found, _signature(project, look.capture, calibration)))
+    kept = _kept(project, look.capture)
+    with still_used(kept, lambda: _signature(project, look.capture, calibration)):
+        seen = {pair: look.phase(look.series(*pair), part) for pair, part in parts}
+        found = correct_rig(seen, calibration, capture=look.capture.name, progress=progress.part(0.5, 1.0))
+    save_archive(kept, (found, _signature(project, look.capture, calibration)))
     return found
 
 

@@ -109,11 +109,16 @@ def test_a_correction_by_other_frames_is_refused(
     command = ["reconstruct", str(calibrated), str(folder), "--orient", "--out", str(tmp_path / "points.npz")]
     assert main(["orient", str(calibrated), str(folder), "--correct"]) == 0
     assert main(command) == 0
+    nowhere = ["--length", "points", "3,3,2", "9,3,2", "5", "0.1"]
+    assert main(["orient", str(calibrated), str(folder), "--correct", *nowhere]) == 2
+    kept = calibrated / "results" / "orientations" / f"{folder.name}.npz"
+    told = f"(the earlier correction stays in use for --orient: delete {kept} to be rid of it); "
+    assert told in capsys.readouterr().err
     for frame in json.loads((folder / "capture.json").read_text())["frames"]:
         image = cv2.imread(str(folder / frame["file"]), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(folder / frame["file"]), np.full_like(image, 20))
     assert main(["orient", str(calibrated), str(folder), "--correct"]) == 2
-    capsys.readouterr()
+    assert "stays in use" not in capsys.readouterr().err
     assert main(command) == 2
     assert "from other frames; run `stripe-core orient" in capsys.readouterr().err
 
