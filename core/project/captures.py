@@ -42,6 +42,7 @@ _COLUMNS = ("row", "col", "x_mm", "y_mm", "z_mm", "diameter_mm")
 
 
 # ------------------------------------------------------------------------------------------------------------- reading
+MOST_FRAMES = 10_000  # a light section of every line of a 4K projector, both ways, is 6,000
 ENOUGH = 4  # picks that measuring needs
 PICKS, DRAFT = "picks.json", "picks-draft.json"
 
@@ -122,11 +123,11 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
         raise InputError(path, str(status), "start the same capture again: it goes on where it stopped")
     frames, here = [], str(folder)
     with os.scandir(folder) as entries:  # one look at the folder is quicker than one at each frame
-        there = {entry.name for entry in entries if not entry.is_symlink() and entry.is_file()}
+        found = {entry.name: not entry.is_symlink() and entry.is_file() for entry in entries}
     listed, slips = _frames(fields, project)
     for frame in listed:
         place = f"{here}{os.sep}{frame.place}"
-        if frame.place not in there and not os.path.isfile(place := os.path.join(here, frame.place)):
+        if not found.get(frame.place) and not os.path.isfile(place := os.path.join(here, frame.place)):
             raise InputError(place, "the frame is not there", "record it again, or take it out of capture.json")
         frames.append(Frame(place, frame.pattern, frame.camera, frame.projector, frame.exposure_ms))
     if not frames:
@@ -137,7 +138,7 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
             raise fields.refuse("testfield", name, "name the file of the board, or leave testfield out")
         root = project.path if project else find_project(folder) or folder
         testfield = read_testfield(root / name)
-    seeds, excluded = read_picks(folder / "picks.json") if (folder / "picks.json").exists() else ((), ())
+    seeds, excluded = read_picks(folder / PICKS) if PICKS in found or (folder / PICKS).exists() else ((), ())
     z_mm = fields.real("z_mm") if role == "depth" else None
     angle_deg = fields.real("angle_deg", default=None)
     notes = (*_misspelt(fields), *slips)
@@ -147,6 +148,8 @@ def read_capture(folder: Path, project: Project | None = None) -> Capture:
 def _frames(fields: Fields, project: Project | None) -> tuple[tuple[Frame, ...], tuple[Note, ...]]:
     """Read the list of frames, places from the capture's folder, and notes on it; many captures have the same."""
     items = fields.items("frames")
+    if len(items) > MOST_FRAMES:
+        raise InputError(fields.where, f"frames lists {len(items)}", f"give a capture at most {MOST_FRAMES} frames")
     devices = (("camera", project.rig.cameras), ("projector", project.rig.projectors)) if project else _UNKNOWN
     try:  # tells 1, 1.0 and true apart, as equality does not
         sizes = [[(n, spec.width, spec.height) for n, spec in known.items()] for _, known in devices]

@@ -11,7 +11,7 @@ import pytest
 
 from core.errors import InputError, StripeError
 from core.model import Seed
-from core.project import keep_picks, kept_picks, read_picks, write_picks
+from core.project import keep_picks, kept_picks, read_capture, read_picks, write_picks
 from tests.core.pipeline.disturbing import disturb, disturbed
 
 FOUR = tuple(Seed(r, c, 10.5 * c, 20.25 * r) for r, c in ((0, 0), (0, 8), (6, 8), (6, 0)))
@@ -76,3 +76,18 @@ def test_picks_disturbed_at_any_call_are_the_old_or_the_new(
         keep_picks(folder, FOUR[:after])
         assert kept_picks(folder)[0] == FOUR[:after], number
     assert number > 1
+
+
+def test_picks_behind_a_broken_link_and_too_many_frames_are_refused(tmp_path: Path) -> None:
+    """The picks were passed over without a word; 120,000 frames took all memory."""
+    frame = {"file": "0.png", "pattern": {"kind": "white"}}
+    document = {"format": "stripe-capture", "version": 1, "role": "object", "frames": [frame]}
+    (tmp_path / "0.png").touch()
+    (tmp_path / "capture.json").write_text(json.dumps(document))
+    assert read_capture(tmp_path).seeds == ()
+    (tmp_path / "picks.json").symlink_to("nowhere.json")
+    with pytest.raises(InputError, match=r"picks\.json: cannot be read"):
+        read_capture(tmp_path)
+    (tmp_path / "capture.json").write_text(json.dumps({**document, "frames": [frame] * 10_001}))
+    with pytest.raises(InputError, match=r"capture\.json: frames lists 10001; give a capture at most 10000 frames"):
+        read_capture(tmp_path)
