@@ -34,7 +34,7 @@ from core.capture.pixels import (
     scattered,
 )
 from core.capture.plan import Plan
-from core.capture.quality import BRIGHT, Sampled, summarise
+from core.capture.quality import BRIGHT, Sampled, noise_of_one, summarise
 from core.capture.unchanging import unchanging
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
@@ -152,7 +152,9 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     codes = [i for i, p in enumerate(plan.shots) if isinstance(p, Code)]
     if len(codes) > 2 and not any(level_of(p) == 1 for p in plan.shots):  # blur dims fringes beside them
         bright = np.maximum(bright, np.partition(grey[codes], -2, axis=0)[-2])
-    return replace(found, white=np.maximum(found.white, bright))
+    darkest = min(images, key=lambda image: float(image[::8, ::8].mean()))[::4]  # it shows the least of the surface
+    noise = max(found.noise, noise_of_one(darkest.astype(np.float64)))
+    return replace(found, white=np.maximum(found.white, bright), noise=noise)
 
 
 def _light(sampled: Sampled, board: bool) -> list[Finding]:

@@ -578,3 +578,15 @@ def test_frames_exchanged_between_the_axes_are_named() -> None:
     for mine, other in ((2, 13), (4, 15)):
         found = told(patterns, swapped(images, mine, other), "object")
         assert f"frames {mine} and {other} were exchanged" in found
+
+
+@pytest.mark.parametrize("light", [6, 12, 24])
+def test_noise_of_dark_frames_contradicts_nothing(light: int) -> None:
+    """At a tenth of the light every pixel seemed to contradict itself, and frames to be another capture's."""
+    rng, patterns = np.random.default_rng(light), [*gray_and_phase("x", 160, cell=4, periods=[8.0]), White(), Black()]
+    images = [
+        np.clip(np.round(20 + light * (i - 8.0) / 190 + rng.normal(0, 4, SHAPE)), 0, 255).astype(np.uint8)
+        for i in render(patterns, 3, dots=False)
+    ]
+    capture = Capture(Path("c"), "object", tuple(Frame(f"{k}.png", p) for k, p in enumerate(patterns)))
+    assert not [f.text for f in check_stored(capture, images, None, LINES) if f.check == "identity"]
