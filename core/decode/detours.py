@@ -169,8 +169,11 @@ def _middle(table: AxisTable, shown: Singles) -> tuple[Singles, Singles]:
     """Threshold of the code and half its contrast (n,)."""
     threshold, contrast = lifted(table, shown, sum_of(table.rows, 0, shown), sum_of(table.rows, 1, shown))
     if not table.has_contrast:
-        bits = islice(sums_of(table.rows, shown), 2, None)
-        contrast = np.max([np.abs(x + s * threshold) for x, s in zip(bits, table.sign, strict=True)], axis=0)
+        bits, sign = np.stack([*islice(sums_of(table.rows, shown), 2, None)]), table.sign[:, None]
+        if not table.has_threshold:
+            levels = -sign * bits
+            threshold = (levels.max(axis=0) + levels.min(axis=0)) / 2
+        contrast = np.abs(bits + sign * threshold).max(axis=0)
     return threshold, np.maximum(contrast, LEAST)
 
 

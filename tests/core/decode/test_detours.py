@@ -77,6 +77,18 @@ def test_sigma_of_a_code_alone_holds_light_by_a_second_way(cell: int, bench: Cal
     assert any("second way" in note for note in phase.notes) == (cell == 1)  # wide cells tell less than it changes
 
 
+@pytest.mark.parametrize("cell", [1, 2, 8])
+def test_levels_of_a_code_without_white_are_about_their_middle(cell: int, bench: Callable[..., Bench]) -> None:
+    """Only the bits tell it: taken for 0, dark and bright bits were levels of one, and a second way was told."""
+    bits = int(np.ceil(np.log2(640 / cell)))
+    patterns = [Code("gray", "x", bit, bits, cell) for bit in range(bits)]
+    phase, truth = decoded(patterns, 0.0, bench)
+    assert not phase.notes
+    assert 0.7 < np.sqrt(np.nanmean(np.square((phase.u - truth) / phase.sigma_u))) < 1.1
+    if cell == 1:
+        assert any("second way" in note for note in decoded(patterns, 0.3, bench)[0].notes)
+
+
 def test_noise_of_a_camera_with_a_gamma_is_no_second_light(bench: Callable[..., Bench]) -> None:
     """Darkness is then by far noisier than any straight line over the grey values says."""
     patterns, rng = SEQUENCES["sine"], np.random.default_rng(3)
