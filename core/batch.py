@@ -27,12 +27,12 @@ from core.errors import InputError, StripeError
 from core.fields import kept_object, text_of
 from core.figures import evaluation_figures, phase_figures, verdict_figures
 from core.lazy import dataclass
-from core.model import Calibration, Capture, Figures, Method, PhaseMap, Project
+from core.model import Calibration, Capture, Figures, Method, Note, PhaseMap, Project
 from core.parallel import limit_threads, on_processes
 from core.pipeline import load_calibrations
 from core.pipeline.decode import phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import covers, judge_plane
-from core.pipeline.evidence import points_of
+from core.pipeline.evidence import points_of, shared_frames
 from core.pipeline.folders import find_capture
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.judge import judge_points, said_of
@@ -69,6 +69,7 @@ class Job:
     inputs: Mapping[Step, str]  #: for every step, a sign of what it is made from as that was when the batch began
     #: the calibrations and their hashes: a worker reads them again when they changed
     calibrations: tuple[tuple[str, str | None], ...] = ()
+    shared: tuple[Note, ...] = ()  #: which of its frames another capture of the project holds, too
 
 
 @dataclass(frozen=True)
@@ -180,22 +181,29 @@ def _prepare(
         calibrations = calibration_hashes(project)
     contents = contents_of(project.path)
     outcomes: dict[str, Outcome] = {}
-    jobs = []
-    for i, folder in enumerate(folders):
-        progress(0.02 * i / len(folders), "looking what is to be done")
-        if folder.name in (name.split("/")[0] for name in outcomes):
+    found: dict[str, Capture | None] = {}
+    for folder in folders:
+        if folder.name in found:
             seen = f"two are called {folder.name!r}"
             raise InputError("captures", seen, "run them in two batches with an OUT of their own")
         try:
-            capture = read_capture(folder.resolve(), project)
-            each = [(series, _inputs(project, series, calibrations, contents)) for series in capture.series]
+            found[folder.name] = read_capture(folder.resolve(), project)
         except InputError as error:
+            found[folder.name] = None
             outcomes[folder.name] = Outcome(folder.name, "failed", error=str(error))
+    shared = shared_frames(project, [capture for capture in found.values() if capture])
+    jobs = []
+    for i, (title, capture) in enumerate(found.items()):
+        progress(0.02 * i / len(found), "looking what is to be done")
+        if capture is None:
+            outcomes[title] = outcomes.pop(title)  # in the order given
             continue
+        notes = shared[capture.name]
+        each = [(s, _inputs(project, s, calibrations, contents, notes)) for s in capture.series]
         todo = tuple(step for step in steps if step != "evaluate" or capture.role == "plane")
         for series, inputs in each:
-            name = folder.name if len(each) == 1 else f"{folder.name}/{series.camera}-{series.projector}"
-            job = Job(project, name, series, out / name, todo, inputs, tuple(calibrations.items()))
+            name = title if len(each) == 1 else f"{title}/{series.camera}-{series.projector}"
+            job = Job(project, name, series, out / name, todo, inputs, tuple(calibrations.items()), notes)
             ready = _ready(job)
             left = all(step in ready for step in todo)
             outcomes[name] = Outcome(name, "left", figures=ready) if left else Outcome(name)
@@ -208,15 +216,20 @@ def _prepare(
 
 
 def _inputs(
-    project: Project, capture: Capture, calibrations: Mapping[str, str | None], contents: Contents
+    project: Project,
+    capture: Capture,
+    calibrations: Mapping[str, str | None],
+    contents: Contents,
+    shared: Sequence[str],
 ) -> dict[Step, str]:
-    """Sign what each step is made from, as the stages of a project record it."""
+    """Sign what each step is made from, as the stages of a project record it, and what is told of frames shared."""
     contents.learn(frame.place for frame in capture.frames)
-    return {
-        "decode": hash_value(decoded_from(project, capture, contents)),
-        "reconstruct": hash_value(reconstructed_from(project, capture, calibrations, contents)),
-        "evaluate": hash_value(evaluated_from(project, [capture], calibrations, contents=contents)),
+    records: dict[Step, Any] = {
+        "decode": decoded_from(project, capture, contents),
+        "reconstruct": reconstructed_from(project, capture, calibrations, contents),
+        "evaluate": evaluated_from(project, [capture], calibrations, contents=contents),
     }
+    return {step: hash_value({**record, "shared": shared} if shared else record) for step, record in records.items()}
 
 
 def _check_own(job: Job) -> None:
@@ -259,6 +272,7 @@ def process(job: Job) -> tuple[Figures, float]:
         phase = replace(phase, camera=job.capture.camera, projector=job.capture.projector)
     else:
         ((_, phase),) = phase_maps(job.project, [job.capture])
+        phase = replace(phase, notes=(*job.shared, *phase.notes))
     for step in job.steps:
         if step not in figures:
             figures[step] = _do(step, job, phase)

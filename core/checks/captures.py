@@ -18,6 +18,7 @@ from core.numerics import median_of, quantile_of, sigma_by_median
 from core.patterns import Pattern, alike, level_of
 
 MOST_NAMED = 4
+LOOKED_AT = 8  # captures with one white frame, beside the first
 LEAST_COMMON = 8  # targets of two captures that are compared
 SAME = 0.5  # of the sigmas of both, r.m.s.: two images of a board that stands still differ by 1
 AT_ONE_PLACE = 2e-3  # of planes' normals, and of their distance over itself: what may be one
@@ -38,6 +39,9 @@ def repeated_frames(
     contents: Mapping[str, str | None],
     blank: Callable[[Frame], bool],
     whole: Callable[[Capture, Frame], bool] = lambda *_: False,
+    own: Callable[[Capture, Frame], bool] = lambda *_: False,
+    *,
+    of_each: bool = False,
 ) -> list[Concern]:
     """Find frames whose bytes stand under another pattern or in another capture as well.
 
@@ -52,6 +56,11 @@ def repeated_frames(
     whole : callable
         Whether a frame shows all light of its capture, or none, without noise: so does every code frame that is on, or
         off, on all lines that the camera sees.
+    own : callable
+        Whether a white frame is as bright as the other frames of its capture, pixel by pixel: captures of what stands
+        still may share it.
+    of_each : bool
+        Tell it of each of two captures, not of the later one alone.
     """
     places: dict[str, list[tuple[Capture, Frame]]] = {}
     for capture in captures:
@@ -63,7 +72,10 @@ def repeated_frames(
         lit = [(c, f) for c, f in same if not _dark(f.pattern)]  # one black frame may serve many captures
         within = [(x, y) for _, own in groupby(lit, lambda held: held[0].path) for x, y in combinations(own, 2)]
         found = [(x, y) for x, y in within if not _look_alike(x[1], y[1], projectors) and not whole(*x)]
-        found += [(lit[0], y) for y in lit[1:] if y[0] is not lit[0][0]]  # of many the first is enough
+        across = [y for y in lit[1:] if y[0] is not lit[0][0]]  # of many the first is enough
+        if across and all(level_of(f.pattern) == 1 and own(c, f) for c, f in (lit[0], *across[:LOOKED_AT])):
+            across = []
+        found += [(lit[0], y) for y in across] + [(y, lit[0]) for y in across[: int(of_each)]]
         if found and not blank(lit[0][1]):
             for (a, f), (b, g) in found:
                 shared.setdefault((a.name, b.name), []).append((f, g))
@@ -153,11 +165,11 @@ def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Conc
     if a == b:
         more = f" and {len(pairs) - 1} pairs more" if len(pairs) > 1 else ""
         text = f"{a}: {f.path.name} and {g.path.name} are the same image under two patterns{more}: record one again"
-        return Concern("failed", text)
+        return Concern("failed", text, b)
     if len({f.path.name for f, _ in pairs}) >= 0.9 * frames:
-        return Concern("failed", f"{b} has the same frames as {a}: one capture under two names; take one out")
+        return Concern("failed", f"{b} has the same frames as {a}: one capture under two names; take one out", b)
     names = ", ".join(sorted({g.path.name for _, g in pairs})[:MOST_NAMED])
-    return Concern("failed", f"{b}: {names} also stands in {a}: a file of another capture; record it again")
+    return Concern("failed", f"{b}: {names} also stands in {a}: a file of another capture; record it again", b)
 
 
 def _dark(pattern: Pattern) -> bool:

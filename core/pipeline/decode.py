@@ -48,7 +48,7 @@ def decode_capture(
     project = read_project(root) if root else None
     capture = one_series(read_capture(own_folder(project, folder) if project else folder, project), camera, projector)
     phase = decode_series(capture, project, progress, estimate)
-    return replace(phase, notes=(*shared_frames(project, capture), *phase.notes)) if project else phase
+    return replace(phase, notes=(*shared_frames(project, [capture])[capture.name], *phase.notes)) if project else phase
 
 
 def one_series(capture: Capture, camera: str = "", projector: str = "") -> Capture:

@@ -25,7 +25,7 @@ from core.model import (
 from core.patterns import axis_of
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import from_phase_maps
-from core.pipeline.evidence import because_of
+from core.pipeline.evidence import because_of, shared_frames
 from core.pipeline.folders import captures_of, result_path
 from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes, said_of
@@ -143,9 +143,10 @@ def _judge(
     progress.check()
     by_name = {capture.name: capture for capture in planes}
     repeated = repeated_planes([row for row, *_ in found], lambda a, b: _same_stripes(by_name[a], by_name[b]))
-    notes: dict[str, str] = {}
+    notes: dict[str, Sequence[str]] = {**shared_frames(project, planes)}
     for (_, projector), of_pair in ends.items():
-        notes = end_notes(of_pair, project.rig.projectors[projector], projector) | notes
+        for name, text in end_notes(of_pair, project.rig.projectors[projector], projector).items():
+            notes[name] = (*notes[name], text)
     return _told(found, calibrations, notes, repeated)
 
 
@@ -198,12 +199,12 @@ def _of_pair(
 def _told(
     found: Sequence[Row],
     calibrations: Mapping[Method, Calibration],
-    more: Mapping[str, str],
+    more: Mapping[str, Sequence[str]],
     repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Put verdicts on planes, with `more` notes by capture."""
     seen = {(row.capture, row.method, *row.devices): (form, rms) for row, form, rms, _ in found}
-    notes: dict[str, tuple[str, ...]] = {name: (text,) for name, text in more.items()}
+    notes = {name: tuple(texts) for name, texts in more.items()}
     for row, *_, said in found:
         notes[row.capture] = tuple(dict.fromkeys((*notes.get(row.capture, ()), *said)))
     order = list(METHODS)

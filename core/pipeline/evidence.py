@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +39,8 @@ from core.model import (
     named_by,
     points_at_a_cause,
 )
+from core.numerics import quantile_of
+from core.patterns import axis_of
 from core.pipeline.options import CalibrateOptions
 from core.project import read_capture
 from core.project.contents import contents_of
@@ -48,6 +51,8 @@ if TYPE_CHECKING:
 
 HARMLESS = "pick", "mended"  # notes that leave no result in doubt: there are more picks than are needed
 MIDDLE = 64  # bytes
+LIT_BY = 6  # frames, which light nearly all pixels between them
+BRIGHTER, NOISE, UNLIKE = 1.15, 0.05, 0.02  # than white; of what is brightest; of the lit pixels, which noise leaves
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 
 
@@ -79,27 +84,31 @@ def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:
     return concerns
 
 
-def shared_frames(project: Project, capture: Capture) -> tuple[Note, ...]:
-    """Say which frames of a capture stand under two patterns of it, or in another capture of the project, too."""
+def shared_frames(project: Project, captures: Sequence[Capture]) -> dict[str, tuple[Note, ...]]:
+    """Say by capture which of its frames stand under two patterns of it, or in another of the project, too."""
     from core.checks import repeated_frames
 
-    sizes = {_size(frame) for frame in capture.frames} - {None}
+    own = [frame for capture in captures for frame in capture.frames]
+    sizes, whole = {_size(frame) for frame in own} - {None}, {capture.path for capture in captures}
     others = []
     for folder in project.captures:
-        with suppress(InputError):  # another that cannot be read is no matter of this one
-            others += [c] if (c := read_capture(folder, project)).path != capture.path else []
+        with suppress(InputError):  # another that cannot be read is no matter of these
+            others += [c] if (c := read_capture(folder, project)).path not in whole else []
     contents = contents_of(project.path)
     # only files of one size can be the same, and of those that are not compressed the ones that look alike
-    alike = [f for c in (*others, capture) for f in c.frames if _size(f) in sizes]
-    middles = {_middle(frame) for frame in capture.frames}
+    alike = [f for c in (*others, *captures) for f in c.frames if _size(f) in sizes]
+    middles = {_middle(frame) for frame in own}
     known = contents.learn(f.place for f in alike if _middle(f) in middles)
-    own = {known.get(frame.place) for frame in capture.frames} - {None}
-    shared = {place: key for place, key in known.items() if key in own}
-    found = repeated_frames([*others, capture], project.rig.projectors, shared, has_one_value, shows_all_or_no_light)
+    held = {known.get(frame.place) for frame in own} - {None}
+    shared = {place: key for place, key in known.items() if key in held}
+    checks = has_one_value, shows_all_or_no_light, is_white_of
+    found = repeated_frames([*others, *captures], project.rig.projectors, shared, *checks, of_each=True)
     contents.keep()
-    name = capture.name
-    told = [c.text.removeprefix(name) for c in found if c.text.startswith((f"{name}: ", f"{name} "))]
-    return tuple(Note(text.lstrip(": "), "mistake") for text in told)
+    told: dict[str, tuple[Note, ...]] = {capture.name: () for capture in captures}
+    for concern in found:
+        if (name := concern.about) in told:
+            told[name] += (Note(concern.text.removeprefix(name).lstrip(": "), "mistake"),)
+    return told
 
 
 def has_one_value(frame: Frame) -> bool:
@@ -114,6 +123,19 @@ def shows_all_or_no_light(capture: Capture, frame: Frame) -> bool:
     return any(
         all(np.all(way(read_image(path), image)) for path in others) for way in (np.less_equal, np.greater_equal)
     )
+
+
+def is_white_of(capture: Capture, frame: Frame) -> bool:
+    """Whether a white frame is as bright, wherever its capture is lit, as some of the other frames."""
+    taken = attrgetter("camera", "projector", "exposure_ms")
+    others = [f for f in capture.frames if axis_of(f.pattern) and taken(f) == taken(frame)]
+    if not others:
+        return False
+    white, seen = (read_image(f.path).astype(np.float32) for f in (frame, others[0]))
+    for other in others[1 :: max(1, len(others) // LIT_BY)]:
+        seen = np.maximum(seen, read_image(other.path))
+    lit = seen > quantile_of(seen, 0.97) / 2
+    return float(np.mean((seen > BRIGHTER * white + NOISE * seen.max())[lit])) < UNLIKE
 
 
 def _size(frame: Frame) -> int | None:

@@ -29,7 +29,7 @@ from core.model import (
     named_by,
     verdict_of,
 )
-from core.pipeline.evidence import HARMLESS, Evidence, has_one_value, noted, shows_all_or_no_light
+from core.pipeline.evidence import HARMLESS, Evidence, has_one_value, is_white_of, noted, shows_all_or_no_light
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
 
@@ -64,7 +64,7 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     taking_part = {c.name for chosen in evidence.used.values() for c in chosen}
     looked_at = [c for c in evidence.captures if c.name in taking_part or c.role in ("plane", "object")]
     contents = contents_of(evidence.project.path).learn(frame.place for c in looked_at for frame in c.frames)
-    twice = repeated_frames(looked_at, projectors, contents, has_one_value, shows_all_or_no_light)
+    twice = repeated_frames(looked_at, projectors, contents, has_one_value, shows_all_or_no_light, is_white_of)
     sets = [t for t in evidence.sets if t.capture in taking_part]
     twice = twice or repeated_targets(sets)
     of_captures, greys = ([*twice, *code_concerns(evidence.captures, projectors)], grey_concerns(sets))

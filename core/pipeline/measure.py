@@ -102,7 +102,7 @@ def look_at_boards(project: Project, captures: Sequence[Capture]) -> Look:
         try:
             return measured_or_why(capture, phase, project, sides[capture.role])
         except InputError:
-            with because_of({capture.name: shared_frames(project, capture)}):
+            with because_of(shared_frames(project, [capture])):
                 raise
 
     def whole(decoded: Iterable[tuple[Capture, Any]]) -> list[TargetSet]:

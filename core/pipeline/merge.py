@@ -85,10 +85,8 @@ def merge_captures(
         phase = next(p for p in seen if (p.camera, p.projector) == pair)
         with points_of(capture, seen):
             views.append(View(phase, reconstruct(phase, calibration), name=capture.name))
-    said = {
-        c.name: (*shared_frames(project, c), *said_of(c, seen, calibration))
-        for c, seen in zip(captures, phases, strict=True)
-    }
+    shared = shared_frames(project, captures)
+    said = {c.name: (*shared[c.name], *said_of(c, seen, calibration)) for c, seen in zip(captures, phases, strict=True)}
     targets = {t.capture: t for t in _targets(project, captures) if (t.camera, t.projector) == pair}
     views = [replace(view, targets=targets.get(view.name)) for view in views]
     with because_of(said):

@@ -72,7 +72,7 @@ def reconstruct_capture(
         seen = [phase]
         with points_of(capture, seen):
             cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
-    said = (*shared_frames(project, capture), *said_of(capture, seen, _witness(project, chosen, used)))
+    said = (*shared_frames(project, [capture])[capture.name], *said_of(capture, seen, _witness(project, chosen, used)))
     return phase, judge_points(cloud, {capture.name: said}, chosen, calibration)
 
 

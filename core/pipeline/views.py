@@ -76,7 +76,8 @@ def reconstruct_views(
         )
     images = {phase.camera: phase.image for phase in phases}
     cloud, image = (clouds[camera], images[camera]) if camera else merged(clouds, images, calibration)
-    said = (*shared_frames(project, capture), *said_of(capture, intersectable(phases, calibration), calibration, rays))
+    shared = shared_frames(project, [capture])[capture.name]
+    said = (*shared, *said_of(capture, intersectable(phases, calibration), calibration, rays))
     return image, judge_points(cloud, {capture.name: said}, "photogrammetric", calibration)
 
 

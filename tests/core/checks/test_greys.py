@@ -99,6 +99,22 @@ def test_a_file_that_many_captures_hold_is_told_once_of_each_and_looked_at_once(
     assert len(looked_at) == 1
 
 
+def test_captures_of_what_stands_still_may_share_a_white_frame() -> None:
+    bit = Code("gray", "x", 0, 1, 1, False)
+    captures = [Capture(Path(c), "object", (Frame(f"{c}/w", White()), Frame(f"{c}/0", bit))) for c in "abc"]
+    contents = {f.place: "white" for c in captures for f in c.frames if f.pattern == White()}
+    for strange, told in (("", []), ("c", ["b", "c"]), ("a", ["b", "c"])):
+        found = repeated_frames(captures, {}, contents, no, own=lambda c, _, of=strange: c.name != of)
+        assert [c.about for c in found] == told
+    of_code = {f.place: "code" for c in captures for f in c.frames if f.pattern == bit}
+    assert len(repeated_frames(captures, {}, of_code, no, own=lambda *_: True)) == 2
+    assert [c.about for c in repeated_frames(captures, {}, of_code, no, of_each=True)] == ["b", "c", "a"]
+
+
+def no(frame: Frame) -> bool:
+    return False
+
+
 @pytest.mark.parametrize(("device", "told"), [({}, 0), ({"camera": "right"}, 1), ({"projector": "second"}, 1)])
 def test_images_of_two_devices_are_never_one_file(device: dict[str, str], told: int) -> None:
     """A camera may have one image of two patterns that are alike on its projector's lines; two cameras may not."""

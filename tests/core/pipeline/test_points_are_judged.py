@@ -12,13 +12,16 @@ import cv2
 import numpy as np
 import pytest
 
+from core.batch import run_batch
 from core.bench.scenarios import experiment
 from core.cli import main
 from core.errors import StripeError
 from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import Note, PhaseMap, PointCloud, Verdict, named_by
+from core.patterns import White
 from core.pipeline import decode_capture, load_calibrations, reconstruct_capture
-from core.pipeline.evidence import shared_frames
+from core.pipeline.evaluate import evaluate_project
+from core.pipeline.evidence import is_white_of, shared_frames
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.merge import merge_captures
@@ -165,8 +168,26 @@ def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
     assert decode_capture(Path(OBJECT)).notes == decode_capture(folder / OBJECT).notes
     assert find_capture(read_project(calibrated), os.path.relpath(folder / OBJECT)).path == folder / OBJECT
     assert said in " ".join(reconstruct_capture(read_project(calibrated), OBJECT)[1].verdict.because)
+    own = next(e for e in evaluate_project(read_project(calibrated)) if e.capture == "plane+15")
+    assert any("also stands in " + OBJECT in text for text in own.verdict.because)
+    for names in ([OBJECT], [OBJECT, "plane+15"]):  # what was made of other captures is left as it is
+        run_batch(read_project(calibrated), calibrated / "out", names, workers=1)
+    summary = json.loads((calibrated / "out" / "summary.json").read_text())["captures"]
+    assert said in " ".join(summary[0]["reconstruct"]["verdict"]["because"])
+    assert [row["state"] for row in summary] == ["left", "done"]
+    assert all("also stands in " + OBJECT in " ".join(p["verdict"]["because"]) for p in summary[1]["evaluate"])
     (folder / "depth-01" / "capture.json").write_text("{")
     assert not any("also stands" in note for note in decode_capture(folder / "testfield-01").notes)
+
+
+def test_a_white_frame_is_that_of_its_capture_where_nothing_moved(calibrated: Path) -> None:
+    folder = calibrated / "captures"
+    capture = read_capture(folder / "testfield-02", read_project(calibrated))
+    white = next(frame for frame in capture.frames if frame.pattern == White())
+    assert is_white_of(capture, white)
+    Path(white.place).unlink()
+    shutil.copy(folder / "testfield-01" / white.path.name, white.place)
+    assert not is_white_of(capture, white)
 
 
 def test_a_capture_that_has_two_names_by_a_link_keeps_the_one_that_was_given(calibrated: Path) -> None:
@@ -199,7 +220,7 @@ def test_files_of_one_size_are_not_hashed_to_tell_whether_captures_share_them(
     hashed: list[str] = []
     monkeypatch.setattr(contents, "hash_file", lambda name, by=contents.hash_file: hashed.append(name) or by(name))
     own = tmp_path / "captures/c"
-    assert [str(note) for note in shared_frames(project, read_capture(own, project))] == [
+    assert [str(note) for note in shared_frames(project, [read_capture(own, project)])["c"]] == [
         "5.tif also stands in a: a file of another capture; record it again"
     ]
     assert [name for name in hashed if Path(name).parent != own] == [str(tmp_path / "captures/a/3.tif")]
@@ -223,7 +244,7 @@ def test_code_frames_without_noise_that_are_lit_all_over_are_one_image(tmp_path:
     project = read_project(tmp_path)
 
     def told() -> list[str]:
-        return [str(note) for note in shared_frames(project, read_capture(tmp_path, project))]
+        return [str(note) for note in shared_frames(project, [read_capture(tmp_path, project)])[tmp_path.name]]
 
     assert told() == []
     shutil.copy(tmp_path / "9.png", tmp_path / "1.png")
