@@ -239,7 +239,8 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
         place, fitted, weight, scale, where = (each[smooth] for each in (place, fitted, weight, scale, where))
     place, weight = np.nan_to_num(place), weight / np.square(scale)[:, None]
     turns = 2 * np.pi * (place + 0.5)
-    dimmed = [np.prod(np.sinc(times * k / p * np.array(slopes))) for p, k in waves]  # in the means of pixels
+    turned = np.array([k / p * np.array(slopes) for p, k in waves])  # from pixel to pixel
+    dimmed = np.prod(np.sinc(times * turned) / np.sinc(turned), axis=1)  # in the means of pixels
     parts = [d * f(k / p * turns) for d, (p, k) in zip(dimmed, waves, strict=True) for f in (np.cos, np.sin)]
     shapes = np.stack(parts, axis=1)  # (windows, 2 n, pixels)
     shared = (shapes * weight[:, None]) @ terms

@@ -70,6 +70,17 @@ def test_a_wave_of_another_size_at_every_place_is_taken_out() -> None:
     assert left.max() < 0.002
 
 
+@pytest.mark.parametrize("cycles", [0.2, 0.3, 0.4])
+def test_waves_of_few_pixels_are_taken_out_whole(cycles: float) -> None:
+    """So many cycles a pixel: what is taken out was 1.07, 1.17 and 1.32 times the wave."""
+    truth = 20 + np.mgrid[:480, :640][1] * cycles * 16 / 3 + 0.1 * np.mgrid[:480, :640][0]
+    turns = 6 * np.pi * (truth + 0.5) / 16
+    u = truth + 0.06 * np.sin(turns) + 0.05 * np.random.default_rng(6).standard_normal(truth.shape)
+    u = u.astype(np.float32)
+    take_waves_out(u, [(16.0, 3)])
+    assert abs(2 * np.mean((u - truth) * np.exp(1j * turns))) < 0.002
+
+
 @pytest.mark.parametrize("turns", [0.4, 0.7, 1.3, 2.5])
 def test_a_corrugation_that_drifts_off_the_fringes_stays(turns: float) -> None:
     """It has another phase at every place, unlike what any response leaves."""
