@@ -160,8 +160,10 @@ def decode(
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
         misfit = misfit.reshape(found.shape)
     for k in range(len(AXES)):
-        if periods := sequence.sine_periods(k):
-            take_waves_out(found.place[k].reshape(found.shape), periods)
+        if periods := sequence.periods(k):
+            u, sigma = found.over_image(found.place[k], found.sigma[k])
+            left = take_waves_out(u, periods)
+            widen(sigma, np.full((1, 1), left, np.float32))
     _draw_and_doubt(found, sequence, seen)
     phase = replace(_phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps), clipped=clipped)
     if options.estimate and (alone := codes_alone(seen.tables)):
@@ -240,7 +242,7 @@ def _mend(
     drop_islands(u, sigma, flags, missing, farthest(table))
     used = sum(int(flag) for flag, each in zip(MISSING, seen.tables, strict=True) if each.start != NOTHING)
     ask_neighbours(images, table, telling, sequence.image_rows, (u, sigma, flags, missing), used)
-    if sequence.sine_periods(axis):
+    if sequence.sines_alone(axis):
         take_ripple_out(u, sigma)
     if table.start == CODE and table.gray and not len(table.period):
         sigma_of_edges(u, sigma, float(table.cell), contrast, even, limits)

@@ -10,12 +10,13 @@ that keeps step with the fringes to a quarter of a turn over the image, as corru
 drifts more has other phases in other windows, which nothing but a surface makes.
 
 Blur, which dims what a response leaves more than the fringes themselves, differs over the image: what repeats N times a
-period may be a wave of another size at every place, quadratically, but of one phase.
+period may be a wave of another size at every place, a polynomial of that, but of one phase. What windows show of that
+phase besides, and not of the one a quarter turn away, which is the surface's, is left for sigma.
 """
 
 from __future__ import annotations
 
-from functools import partial
+from functools import partial, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from core.numerics import MEDIAN_OF_NORMAL, chi_square_limit, fisher_limit, medi
 from core.parallel import run_in_bands
 
 CYCLES = 2.0  # of a wave that a window holds at least: of fewer, a polynomial takes too much
-SMALLEST, WIDEST, ACROSS = 16, 128, 12  # pixels along a window, and windows along an axis
+SMALLEST, WIDEST, ACROSS = 16, 128, 16  # pixels along a window, and windows along an axis
 THICK, BLURRED = 24, 0.6  # pixels along a window, of more means, in which a wave has so many cycles at most
 FEWEST, MANY = 16, 4  # windows, and of them for every number that tells how waves differ over the image
 FULL = 0.75  # of a window's pixels have a coordinate
@@ -39,36 +40,54 @@ SEEN, SHOWN = 0.8, 0.7  # cycles a pixel that neighbours tell; a line, beyond wh
 LINES_TAKEN = 100  # rows and columns that tell the slope
 LEAST = 0.002  # lines: less is not worth it, nor is any window surer of its surface
 TURNED = 0.15  # of a wave's squares a quarter turn from the others, beyond which the surface makes it: blur turns none
+SURE = 3.0  # standard deviations of what is left of a wave
 BY_CHANCE = 1.0  # of such squares by their variances, in the median, twice what noise makes
 MOST = 0.02  # of a period: more is the scene in step with the fringes
 TINY = 1e-12
 PLACES = 512  # of a period
+DEGREE, UNEVEN = 4, (6, 15)  # by which waves may differ over the image, quadratically first: the numbers of terms
+POWERS = np.array([(n - k, k) for n in range(DEGREE + 1) for k in range(n + 1)]).T  # of x and y in every term
 TURNS = 2 * np.pi * (np.arange(PLACES) + 0.5) / PLACES
 
 
 class Wave(NamedTuple):
-    """A wave of coordinates: so many cycles a period, and its cosine and sine part in lines, (2, 6), each of them a
-    quadratic polynomial of the place in the image, x and y from -1 to 1."""
+    """A wave of coordinates: so many cycles a period, and its cosine and sine part in lines, (2, 15), each of them a
+    polynomial of the place in the image, x and y from -1 to 1, with the terms of `polynomial`. Both stay
+    within `limits` (2, 2), the least and the most that windows show: beyond these, a polynomial is anything."""
 
     period: float
     order: int
     parts: Array
+    limits: Array
 
     def at(self, rows: Array, columns: Array) -> Array:
         """Cosine and sine part where rows (h,) and columns (w,) of the image, each from -1 to 1, meet: (2, h, w)."""
-        y, (even, x, y_part, xx, xy, yy) = rows[:, None], self.parts.T[..., None, None]
-        return np.asarray(even + y_part * y + yy * y * y + columns * (x + xy * y + xx * columns))
+        powers = np.zeros((2, DEGREE + 1, DEGREE + 1))
+        powers[:, POWERS[1], POWERS[0]] = self.parts
+        across = powers @ columns ** np.arange(DEGREE + 1)[:, None]
+        there = np.einsum("ph,cpw->chw", rows ** np.arange(DEGREE + 1)[:, None], across)
+        return np.clip(there, *self.limits[:, :, None, None])
+
+    @property
+    def turned(self) -> Wave:
+        """The same of the other sign."""
+        return self._replace(parts=-self.parts, limits=-self.limits[::-1])
 
 
-def take_waves_out(u: Singles, periods: list[tuple[float, int]]) -> None:
-    """Correct, in place, coordinates, shape (H, W), lines, for waves of the phases of `periods` (lines) in N steps."""
-    waves = find_waves(u, periods)
+def take_waves_out(u: Singles, periods: list[tuple[float, int]]) -> float:
+    """Correct, in place, coordinates, shape (H, W), lines, for waves of the phases of `periods` (lines) in N steps.
+
+    What windows show of them besides is given, as a variance (lines²).
+    """
+    waves, left = find_waves(u, periods)
     for period in {wave.period for wave in waves}:
         mine = [wave for wave in waves if wave.period == period]
-        run_in_bands(partial(_subtract, u, mine, period), len(u))
+        run_in_bands(partial(subtract, u, mine, period), len(u))
+    return left
 
 
-def _subtract(u: Singles, waves: list[Wave], period: float, first: int, last: int) -> None:
+def subtract(u: Singles, waves: list[Wave], period: float, first: int, last: int) -> None:
+    """Take waves of a period out of some rows of coordinates (H, W), in place."""
     place, columns = u[first:last], middles(np.arange(u.shape[1]), u.shape[1])
     with np.errstate(invalid="ignore"):  # of NaN any place, which stays NaN
         at = ((place + np.float32(0.5)) * np.float32(PLACES / period)).astype(np.int32) & (PLACES - 1)
@@ -85,7 +104,7 @@ def _subtract(u: Singles, waves: list[Wave], period: float, first: int, last: in
 
 class Windows(NamedTuple):
     """Windows of smooth surface: normal equations (m, 2 n, 2 n) and right sides (m, 2 n) of the waves, and the terms
-    (m, 6) of a quadratic polynomial of the place in the image."""
+    (m, 15) of a polynomial of the place in the image."""
 
     normal: Array
     right: Array
@@ -95,12 +114,13 @@ class Windows(NamedTuple):
 Column = tuple[int, int]  # wave, term
 
 
-def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
-    """Find what smooth surfaces show of waves of the phases of some periods (lines) in N steps, if it is worth it."""
-    slopes = _slopes(u)
+def find_waves(u: Singles, periods: list[tuple[float, int]]) -> tuple[list[Wave], float]:
+    """Find what smooth surfaces show of waves of the phases of some periods (lines) in N steps, if it is worth it, and
+    the variance (lines²) of what they show of them besides."""
+    slopes = slopes_of(u)
     steep = float(np.hypot(*slopes))
     if not steep > 0:
-        return []
+        return [], 0.0
     seen = {
         round(order / period, 9): (period, order)
         for period, steps in periods
@@ -111,20 +131,36 @@ def find_waves(u: Singles, periods: list[tuple[float, int]]) -> list[Wave]:
     most = min(WIDEST, min(u.shape) // 4, THICK * times)
     seen = {each: wave for each, wave in seen.items() if most * steep * each >= CYCLES}
     if not seen or most < SMALLEST:
-        return []
+        return [], 0.0
     waves = list(seen.values())
     side = max(SMALLEST, int(np.ceil(CYCLES / min(seen) / steep)))
     told = _windows(u, side, slopes, waves)
     if len(told.right) < FEWEST:
-        return []
+        return [], 0.0
+    found, left = waves_by(told, waves, periods)
+    return [wave for _, wave in found], left
+
+
+def waves_by(
+    told: Windows, waves: list[tuple[float, int]], periods: list[tuple[float, int]]
+) -> tuple[list[tuple[int, Wave]], float]:
+    """Which of the waves, periods and orders, windows are sure of, by number, and the variance of what is left of them.
+
+    Those of N cycles may differ over the image, and where there are such, those of 2 N, which are next.
+    """
     columns = _even([(n, 0) for n in range(len(waves))], told)
     columns = [column for column in columns if not _turns(column[0], columns, told)]
     for n, wave in enumerate(waves):
-        columns = _uneven(n, columns, told) if wave in periods else columns
+        twice = n > 0 and waves[n - 1] in periods and any(column[0] == n - 1 for column in columns)
+        if wave in periods or (twice and wave == (waves[n - 1][0], 2 * waves[n - 1][1])):
+            columns = reduce(partial(_uneven, n, told), UNEVEN, columns)
     found = np.array([_in_phase(parts, told.terms) for parts in _parts(columns, told)])
-    square = np.sum(np.square(found @ told.terms.T), axis=1)  # (waves, windows)
-    size = np.sqrt(np.mean(square, axis=1))
-    return [Wave(*waves[n], found[n]) for n in range(len(waves)) if LEAST < size[n] < MOST * waves[n][0]]
+    shown = found @ told.terms.T  # (waves, 2, windows)
+    size = np.sqrt(np.mean(np.sum(np.square(shown), axis=1), axis=1))
+    limits = np.stack([shown.min(axis=2), shown.max(axis=2)], axis=1)
+    likely = [n for n in range(len(waves)) if LEAST < size[n] < MOST * waves[n][0]]
+    left = sum(_left(n, shown, told) for n in likely if waves[n] in periods)
+    return [(n, Wave(*waves[n], found[n], limits[n])) for n in likely], left
 
 
 def _even(columns: list[Column], told: Windows) -> list[Column]:
@@ -142,11 +178,11 @@ def _even(columns: list[Column], told: Windows) -> list[Column]:
     return columns
 
 
-def _uneven(n: int, columns: list[Column], told: Windows) -> list[Column]:
-    """The columns, and all terms of one wave if it surely differs over the image."""
-    others, terms = [column for column in columns if column[0] != n], told.terms.shape[1]
+def _uneven(n: int, told: Windows, columns: list[Column], terms: int) -> list[Column]:
+    """The columns, and the first so many terms of one wave if those it does not have yet are surely there."""
+    others = [column for column in columns if column[0] != n]
     new = [(n, term) for term in range(terms)]
-    many, number = len(told.right), 2 * (terms - 1)
+    many, number = len(told.right), 2 * (terms - max(len(columns) - len(others), 1))
     if many < MANY * 2 * len(others + new):
         return columns
     parts, covariance = _solve(others + new, told)
@@ -159,18 +195,37 @@ def _uneven(n: int, columns: list[Column], told: Windows) -> list[Column]:
 
 def _turns(n: int, columns: list[Column], told: Windows) -> bool:
     """Whether a wave has other phases in other windows, as has what a surface itself repeats."""
-    sizes = np.einsum("nkt,mt->mnk", _parts(columns, told), told.terms)
-    phases = np.linalg.svd(sizes[:, n].T)[0]  # the wave's own, and what is a quarter turn from it
-    sizes[:, n] = 0
-    mine, many = slice(2 * n, 2 * n + 2), len(sizes)
-    seen = told.right[:, mine] - np.einsum("mij,mj->mi", told.normal[:, mine], sizes.reshape(many, -1))
-    strength = np.einsum("ik,mij,jk->mk", phases, told.normal[:, mine, mine], phases)
-    own, turned = np.median(np.square(seen @ phases) / np.maximum(strength, TINY), axis=0)
-    return bool(turned > max(TURNED * own, BY_CHANCE))
+    sizes = np.einsum("nkt,mt->nkm", _parts(columns, told), told.terms)
+    phases = _phases(sizes[n])
+    sizes[n] = 0
+    seen, strength = _seen(n, phases, sizes, told)
+    along, across = np.median(np.square(seen) / np.maximum(strength, TINY), axis=0)
+    return bool(across > max(TURNED * along, BY_CHANCE))
+
+
+def _left(n: int, sizes: Array, told: Windows) -> float:
+    """Variance of what windows show of a wave besides its sizes (n, 2, m): what has its phase, less what has none."""
+    seen, strength = _seen(n, _phases(sizes[n]), sizes, told)
+    along, across = np.square(seen / np.maximum(strength, TINY)).T
+    excess = along - across
+    mean = float(excess.mean())
+    return mean / 2 if mean > SURE * float(excess.std()) / np.sqrt(len(excess)) else 0.0
+
+
+def _phases(sizes: Array) -> Array:
+    """A wave's own phase, by its sizes (2, m), and what is a quarter turn from it, as columns."""
+    return np.asarray(np.linalg.svd(sizes, full_matrices=False)[0])
+
+
+def _seen(n: int, phases: Array, sizes: Array, told: Windows) -> tuple[Array, Array]:
+    """Right sides and normal equations' diagonals (m, 2) of a wave's two phases, beside waves of such sizes."""
+    mine = slice(2 * n, 2 * n + 2)
+    left = told.right[:, mine] - np.einsum("mij,jm->mi", told.normal[:, mine], sizes.reshape(-1, len(told.right)))
+    return left @ phases, np.einsum("ik,mij,jk->mk", phases, told.normal[:, mine, mine], phases)
 
 
 def _parts(columns: list[Column], told: Windows) -> Array:
-    """Cosine and sine parts of all waves by all windows together, shape (n, 2, 6)."""
+    """Cosine and sine parts of all waves by all windows together, shape (n, 2, 15)."""
     parts = np.zeros((told.right.shape[1] // 2, 2, told.terms.shape[1]))
     for (n, term), part in zip(columns, _solve(columns, told)[0], strict=True):
         parts[n, :, term] = part
@@ -178,7 +233,7 @@ def _parts(columns: list[Column], told: Windows) -> Array:
 
 
 def _in_phase(parts: Array, terms: Array) -> Array:
-    """Parts (2, 6) of a wave as one phase has them everywhere."""
+    """Parts (2, 15) of a wave as one phase has them everywhere."""
     main = np.linalg.svd(parts @ terms.T, full_matrices=False)[0][:, 0]
     return np.outer(main, main) @ parts
 
@@ -198,7 +253,7 @@ def _solve(columns: list[Column], told: Windows) -> tuple[Array, Array]:
     return solution.reshape(-1, 2), covariance
 
 
-def _slopes(u: Singles) -> tuple[float, float]:
+def slopes_of(u: Singles) -> tuple[float, float]:
     """Medians of the gradient's parts along columns and rows, lines a pixel."""
     rows, columns = (slice(None, None, max(1, size // LINES_TAKEN)) for size in u.shape)
     changes = u[4:, columns] - u[:-4, columns], u[rows, 4:] - u[rows, :-4]
@@ -222,7 +277,7 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
     place = u[rows, columns].reshape(-1, side**2).astype(float)
     middles = (2 * (first + side / 2) / size - 1 for first, size in zip(firsts, u.shape, strict=True))
     down, across = np.meshgrid(*middles, indexing="ij")
-    where = quadratic(across.ravel(), down.ravel())
+    where = polynomial(across.ravel(), down.ravel())
     full = np.isfinite(place).mean(axis=1) >= FULL
     place, where = place[full], where[full]
     y, x = (each.ravel() for each in np.meshgrid(*2 * [np.linspace(-1, 1, side)], indexing="ij"))
@@ -238,15 +293,25 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
         smooth = (weight.mean(axis=1) >= FULL) & (scale < ROUGH * median_of(scale))
         place, fitted, weight, scale, where = (each[smooth] for each in (place, fitted, weight, scale, where))
     place, weight = np.nan_to_num(place), weight / np.square(scale)[:, None]
-    turns = 2 * np.pi * (place + 0.5)
+    turns = (2 * np.pi * (place + 0.5)).astype(np.float32)
     turned = np.array([k / p * np.array(slopes) for p, k in waves])  # from pixel to pixel
     dimmed = np.prod(np.sinc(times * turned) / np.sinc(turned), axis=1)  # in the means of pixels
-    parts = [d * f(k / p * turns) for d, (p, k) in zip(dimmed, waves, strict=True) for f in (np.cos, np.sin)]
-    shapes = np.stack(parts, axis=1)  # (windows, 2 n, pixels)
-    shared = (shapes * weight[:, None]) @ terms
-    explained = np.linalg.solve(_squares(weight, products), shared.transpose(0, 2, 1))
-    left = (shapes - (terms @ explained).transpose(0, 2, 1)) * weight[:, None]
-    return Windows(left @ shapes.transpose(0, 2, 1), (left @ (place - fitted)[..., None])[..., 0], where)
+    shapes = np.empty((len(turns), 2 * len(waves), turns.shape[1]), np.float32)  # as sums of so many need no doubles
+    for n, (d, (p, k)) in enumerate(zip(dimmed, waves, strict=True)):
+        np.cos(np.float32(k / p) * turns, out=shapes[:, 2 * n])
+        np.sin(np.float32(k / p) * turns, out=shapes[:, 2 * n + 1])
+        shapes[:, 2 * n : 2 * n + 2] *= np.float32(d)
+    single, slim = terms.astype(np.float32), weight.astype(np.float32)[:, None]
+    shared = (shapes * slim) @ single
+    explained = np.linalg.solve(_squares(weight, products), shared.transpose(0, 2, 1).astype(float)).astype(np.float32)
+    left = (shapes - (single @ explained).transpose(0, 2, 1)) * slim
+    away = (place - fitted).astype(np.float32)[..., None]
+    return Windows((left @ shapes.transpose(0, 2, 1)).astype(float), (left @ away)[..., 0].astype(float), where)
+
+
+def polynomial(x: Array, y: Array) -> Array:
+    """Terms of a polynomial of degree `DEGREE` at places (n,) each, shape (n, 15), those of the least degree first."""
+    return np.asarray(x[:, None] ** POWERS[0] * y[:, None] ** POWERS[1])
 
 
 def _squares(weight: Array, products: Array) -> Array:

@@ -51,7 +51,7 @@ def test_waves_of_two_periods_are_told_apart_and_taken_out() -> None:
     for (period, order), size in put.items():
         u += (size.conjugate() * np.exp(2j * np.pi * order * (truth + 0.5) / period)).real
     u = u.astype(np.float32)
-    found = {(w.period, w.order): complex(*w.parts[:, 0]) for w in find_waves(u, [(32.0, 4), (36.0, 4)])}
+    found = {(w.period, w.order): complex(*w.parts[:, 0]) for w in find_waves(u, [(32.0, 4), (36.0, 4)])[0]}
     assert found.keys() == put.keys()
     for key, size in put.items():
         assert abs(found[key] - size) < 0.01
