@@ -46,7 +46,8 @@ shown.py      how words are shown: blur, noise, flicker and whatever bends their
 book.py       the words of an axis under every blur, and the kernels that find a pixel among them
 edges.py      how surely the edges of a Gray code alone tell the place
 ripple.py     whole lines' ripple on sine fringes
-folded.py     what sine fringes err alike in every period, seen on smooth surfaces
+folded.py     what phases err alike in every period, seen on smooth surfaces
+mosaic.py     what they err otherwise in every kind of pixel of a colour camera
 """
 
 from core.decode.absolute import decode

@@ -30,6 +30,7 @@ from core.decode.known import AXES, Prepared, Seen, measure, prepare
 from core.decode.late import late_frames
 from core.decode.likelihood import decode_words, has_words
 from core.decode.mixed import doubt_mixtures, drop_rim, drop_vague
+from core.decode.mosaic import take_kinds_out
 from core.decode.neighbours import ask_neighbours
 from core.decode.noise import Noise
 from core.decode.notes import MUCH, note_on_second_light, notes_on
@@ -163,6 +164,7 @@ def decode(
         if periods := sequence.periods(k):
             u, sigma = found.over_image(found.place[k], found.sigma[k])
             left = take_waves_out(u, periods)
+            left += take_kinds_out(u, periods) if seen.response is not None or sequence.squares[k] else 0.0
             widen(sigma, np.full((1, 1), left, np.float32))
     _draw_and_doubt(found, sequence, seen)
     phase = replace(_phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps), clipped=clipped)
