@@ -359,12 +359,12 @@ def test_errors_that_targets_share_are_in_the_covariance(measured):
         for o, (s, p) in enumerate(zip(network.observation_station, network.observation_point, strict=True))
     }
     for k in (1, 4):
-        t, rows = sets[k], sets[k].row_share
+        t, rows, shared = sets[k], sets[k].row_share, in_rows(sets[k])
         key = [f"{r}/{c}" for r, c in zip(t.row, t.col, strict=True)]
         at = [[place.get((f"{t.capture}/{name}", p)) for name in ("camera", "projector")] for p in key]
         for i, one in enumerate(at):
             for j, other in enumerate(at):
-                block = t.cov[i] if i == j else rows[i, j] * in_rows(t)[i, j]
+                block = t.cov[i] if i == j else rows[i, j] * shared[i, j]
                 for a, b in np.ndindex(2, 2):
                     if one[a] is not None and other[b] is not None:
                         part = block[2 * a : 2 * a + 2, 2 * b : 2 * b + 2]

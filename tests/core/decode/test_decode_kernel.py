@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.compiling import njit
 from core.decode import DecodeOptions, decode
-from core.decode.compiled import angle
+from core.decode.compiled import angle, fast
 from core.decode.frames import sort_frames
 from core.decode.kernel import scratch_for
 from core.decode.known import prepare
@@ -62,7 +61,7 @@ def test_a_view_of_a_larger_image_decodes_like_its_copy(bench) -> None:
     assert np.array_equal(a.u, b.u, equal_nan=True)
 
 
-@njit
+@fast
 def compiled_bits(table, source, limits, count, threshold, contrast, scratch):
     read_bits(table, source, limits, count, threshold, contrast, scratch.rows[0], scratch, scratch.masks)
 
@@ -103,7 +102,7 @@ def test_bits_are_read_as_by_comparing_real_numbers(kind, shown, dtype) -> None:
         assert np.count_nonzero(found[:count] != expected) <= 1  # where single precision meets a whole grey value
 
 
-@njit
+@fast
 def compiled_angle(c, s):
     return angle(c, s)
 

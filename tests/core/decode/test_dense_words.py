@@ -102,7 +102,7 @@ def test_pixels_count_where_light_by_a_second_way_is_as_much_as_is_told(bench) -
 @pytest.mark.parametrize(("lamp", "room"), [(0.1, 0.0), (0.0, 0.2), (0.03, 0.2)])
 def test_light_that_flickers_costs_no_accuracy(bench, judge, lamp: float, room: float) -> None:
     """Of every frame offset and gain are found: 1.2 to 3.8 times the noise without, and a second light was blamed."""
-    b, patterns = bench(height=80, blur=0.6, ambient=40, gain=90, dark=3.0, shot=0.02), dense(14)
+    b, patterns = bench(height=40, blur=0.6, ambient=40, gain=90, dark=3.0, shot=0.02), dense(14)
     draw, images = np.random.default_rng(2), []
     for seed, pattern in enumerate(patterns):
         more, brighter = 1 + room * draw.normal(), 1 + lamp * draw.normal()
@@ -122,7 +122,7 @@ def test_light_that_flickers_costs_no_accuracy(bench, judge, lamp: float, room: 
 )
 def test_a_camera_with_a_gamma_and_surfaces_that_spread_light(bench, judge, frames, gamma, spread) -> None:
     """All words are bent alike: that is found. It was a second light, with sigma 0.8 to 1 of the error before."""
-    b, patterns, draw = bench(height=80, blur=0.6), dense(frames), np.random.default_rng(3)
+    b, patterns, draw = bench(height=40, blur=0.6), dense(frames), np.random.default_rng(3)
     images, wide = [], replace(b, blur=max(spread, 0.6))
     for pattern in patterns:
         light = 15 + 120 * (0.6 * b.light(pattern) + 0.4 * wide.light(pattern))

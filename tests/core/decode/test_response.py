@@ -43,15 +43,18 @@ class Sight:
         texture = gaussian_filter(rng.normal(size=(HEIGHT, WIDTH)), 6)
         albedo = np.clip(1 + self.contrast * texture / texture.std(), 0.3, 1.3) / 1.3
         places = (np.arange(LINES * FINE) - (FINE - 1) / 2) / FINE
+        blurs = (self.blur_lines, self.uneven * self.blur_lines)[: 1 + (self.uneven != 1)]
+        u = np.clip(self.u, places[0], places[-1])
+        left = np.clip(np.searchsorted(places, u, "right") - 1, 0, len(places) - 2)
         images = []
         for pattern in patterns:
             lines = np.repeat(self.curve(brightness(pattern, np.arange(LINES))), FINE)
-            even = pattern.kind in ("white", "black")
-            left, right = (
-                lines[0] if even else np.interp(self.u, places, gaussian_filter1d(lines, blur * FINE))
-                for blur in (self.blur_lines, self.uneven * self.blur_lines)
-            )
-            light = left + (right - left) * np.linspace(0, 1, WIDTH)
+            seen_by = []  # linear between places, at the left and the right of the image
+            for blurred in (gaussian_filter1d(lines, blur * FINE) for blur in blurs):
+                seen_by.append((np.diff(blurred) / np.diff(places))[left] * (u - places[left]) + blurred[left])
+            light = seen_by[0] + (seen_by[-1] - seen_by[0]) * np.linspace(0, 1, WIDTH)
+            if pattern.kind in ("white", "black"):
+                light = np.full(u.shape, lines[0])
             seen = albedo * (12 + 150 * light)
             if self.noise_of_light:
                 seen = np.maximum(seen + rng.normal(0, self.noise_of_light, seen.shape), 0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erf
@@ -89,19 +91,14 @@ def test_clear_phases_are_not_straightened_like_those_of_a_dark_board() -> None:
     assert 0.8 < ratio < 1.25  # 2.6 by the noise of the whole image
 
 
-def dots(patterns, blur: float) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+def dots(patterns, bench) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """A board of white dots, a tenth as bright between them, under lines nearly as wide as pixels; and its dots."""
     rng, (y, x) = np.random.default_rng(5), np.mgrid[:320, :480]
     u = 60 + 0.965 * x + 0.05 * y
     away = np.hypot((x + 0.04 * y) % 24 - 12, (y - 0.04 * x) % 24 - 12)
     albedo = 0.08 + 0.72 / (1 + np.exp(4 * (away - 3.6)))
     images = []
-    for pattern in patterns:
-        jumps = np.diff(brightness(pattern, np.arange(-1, 641)))
-        edges = np.flatnonzero(jumps) - 0.5
-        light = np.full(u.shape, brightness(pattern, np.array([-1.0]))[0])
-        for edge, jump in zip(edges, jumps[jumps != 0], strict=True):
-            light += jump * 0.5 * (1 + erf((u - edge) / (blur * np.sqrt(2))))
+    for light in map(replace(bench(blur=0.75), u=u).light, patterns):
         grey = albedo * (15 + 130 * light)
         images.append(np.uint8(np.maximum(np.rint(grey + rng.normal(size=u.shape) * np.sqrt(1 + 0.02 * grey)), 0)))
     return images, u, away < 3
@@ -111,7 +108,7 @@ def test_a_board_of_dots_tells_the_blur_by_all_its_dots(bench) -> None:
     """They are a sixteenth of the image, and lines as wide as pixels lie alike in each dot. A sample of the whole image
     put places wrong by 0.007 lines, to and fro within every line."""
     patterns = [*square(4, 4), White(), Black()]
-    images, u, on_dots = dots(patterns, 0.75)
+    images, u, on_dots = dots(patterns, bench)
     phase = decode(patterns, images, lines=(640, 640))
     seen = on_dots & np.isfinite(phase.u)
     assert seen.sum() > 0.9 * on_dots.sum()

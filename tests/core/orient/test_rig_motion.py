@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -50,12 +51,19 @@ def surface(rays: Array) -> Array:
     return 620 - 40 * np.exp(-((rays[..., 0] - 0.02) ** 2 + (rays[..., 1] + 0.03) ** 2) / 0.01)
 
 
+@cache
+def _seen(camera: DeviceSpec, interior: Interior) -> Array:
+    """What the pixels see of the surface, mm, (H, W, 3)."""
+    pixels = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
+    rays = ray_directions(camera, interior, pixels)
+    return rays * surface(rays)[..., None]
+
+
 def captured(rig: Pair, rng: np.random.Generator, sigma: float = SIGMA) -> PhaseMap:
     """What a perfect decoder finds on the surface, with white noise."""
     camera, projector = rig.camera.spec, rig.projector.spec
-    pixels = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
-    rays = ray_directions(camera, rig.camera.interior, pixels)
-    uv = project(projector, rig.projector.interior, rays * surface(rays)[..., None], rig.projector_from_camera)
+    seen = _seen(camera, rig.camera.interior)
+    uv = project(projector, rig.projector.interior, seen, rig.projector_from_camera)
     lit = np.all((uv > 0) & (uv < 639), axis=-1)
     noisy = (uv + rng.normal(0.0, sigma, uv.shape)).astype(np.float32)
     noisy[~lit] = np.nan
