@@ -54,7 +54,8 @@ test: setup
 # rooms of which few tests need a rendered project, and the rules of the house; without what takes longest there
 QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns tests/core/numerics tests/core/decode \
 	tests/core/reconstruct tests/core/evaluate tests/core/project tests/core/test_api.py \
-	$(addprefix --ignore=tests/core/,decode/test_dense_words.py decode/test_estimate.py reconstruct/test_texture.py)
+	$(addprefix --ignore=tests/core/decode/test_,dense_words.py estimate.py response.py) \
+	--ignore=tests/core/reconstruct/test_texture.py
 
 quick: setup
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m "not rendered" $(QUICK)
