@@ -11,7 +11,7 @@ from core.measure.rays import Rays
 from core.measure.rows import row_shifts
 from core.model import PhaseMap, TargetSet
 
-FINE = 9  # samples per pixel along one axis
+FINE = 6  # samples per pixel along one axis
 PITCH = 22  # px from dot to dot
 
 

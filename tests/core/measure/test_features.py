@@ -20,7 +20,7 @@ CAMERA = AdjustedDevice(SPEC, Interior(12.0, 0.02, -0.01, (-1e-3, 0, 0, 0, 1e-4,
 NORMAL = np.array([0.42, -0.2, 0.88]) / np.linalg.norm([0.42, -0.2, 0.88])
 MIDDLE = np.array([1.0, 2.0, -600.0])
 ACROSS = np.linalg.svd(NORMAL[None])[2][1:]  # two directions in the plate
-FINE, SIGMA, DEPTH_SIGMA = 7, 1.5, 0.04  # samples a pixel each way; grey values; mm of Z
+FINE, SIGMA, DEPTH_SIGMA = 5, 1.5, 0.04  # samples a pixel each way; grey values; mm of Z
 
 
 @cache
