@@ -23,7 +23,7 @@ from core.fields import Fields, read_document
 from core.geometry import LENSES
 from core.patterns import PRESETS, pattern_from_dict, read_sequence
 from core.project import read_capture, read_network, read_project
-from core.project.captures import read_picks
+from core.project.captures import MOST_FRAMES, read_picks
 from core.project.rigs import read_bar, read_device
 from core.project.schema import files_schema
 
@@ -268,6 +268,10 @@ def test_readers_and_schema_refuse_the_same(read: Callable[[str, Any], object], 
         assert fits == (not told) or beyond, f"{told or 'the reader takes it'}: {data}"
         met.add(bool(told))
     assert True in met
+
+
+def test_a_capture_has_as_many_frames_as_the_reader_takes() -> None:
+    assert SCHEMA["$defs"]["capture"]["properties"]["frames"]["maxItems"] == MOST_FRAMES
 
 
 def test_every_file_of_a_project_fits_the_schema(whole_original: Path) -> None:
