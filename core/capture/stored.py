@@ -59,6 +59,7 @@ MOVED_PX = 0.5
 UNLIKE = 0.7  # of the difference that putting back what moved leaves; of bare boards at rest 0.79 and more, by 300
 MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
 DRIFT = 0.15
+SPARSE = 0.7  # of the grey values that a black frame takes which reaches over all: noise alone, spread, takes fewer
 ALL_ROUND = 0.3  # mean of phases as unit vectors: some periods are seen
 DOUBLED, FAR, THIN = 0.03, 0.05, 8000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
@@ -90,11 +91,18 @@ def check_stored(
     else:
         plan, sampled = _looked_at(capture, images, range(len(images)))
         named = _plain(plan, sampled)
-        if any("claims black" in f.text for f in named) and all(
-            i.min() == 0 and i.max() >= sampled.full for i in images
-        ):
-            hint = f", or, as all frames reach from 0 to {sampled.full:g}, each stretched or equalised"
-            named = [replace(f, text=f.text + hint) for f in named]
+        black = [images[f.shots[0]] for f in named if "claims black" in f.text]
+        if black and all(i.min() == 0 and i.max() >= sampled.full for i in images):
+            full = f"{sampled.full:g}"
+            if min(np.count_nonzero(np.bincount(i.ravel())) for i in black) < SPARSE * sampled.full:
+                text = (
+                    f"as all frames reach from 0 to {full}, each was stretched or equalised: write frames as the "
+                    f"camera gives them; else frame {named[0].shots[0]} was exchanged"
+                )
+                named = [Finding("identity", "bad", text, shots=named[0].shots, names="mistake")]
+            else:
+                hint = f", or, as all frames reach from 0 to {full}, each stretched or equalised"
+                named = [replace(f, text=f.text + hint) for f in named]
         found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
         checks = {f.check for f in found}
         if "light" not in checks:
