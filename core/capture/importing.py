@@ -308,11 +308,12 @@ def _verified(
     sampled = replace(sampled, noise=max(sampled.noise, noise_of_one(max(images, key=np.mean)[::4].astype(np.float64))))
     capture = Capture(Path(plan.subject.name), plan.subject.role, tuple(Frame("", p) for p in plan.patterns))
     findings = check_stored(capture, images, phase, lines)
-    if not any(f.level == "bad" for f in findings):
-        findings.append(Finding("order", "good", "the patterns come in their order"))
     told = {"light": "modulation"}.get
     checks = {told(f.check, f.check) for f in findings}
-    findings += [f for f in (modulation(bare, sampled), saturation(sampled)) if f.check not in checks]
+    light = [f for f in (modulation(bare, sampled), saturation(sampled)) if f.check not in checks]
+    if not any(f.level == "bad" for f in (*findings, *light)):
+        findings.append(Finding("order", "good", "the patterns come in their order"))
+    findings += light
     return tuple(sorted(findings, key=lambda f: f.level != "bad"))
 
 

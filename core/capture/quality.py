@@ -104,9 +104,7 @@ def summarise(plan: Plan, grey: Array, at: NDArray[np.intp], shape: tuple[int, i
 
 def saturation(sampled: Sampled) -> Finding:
     """See whether the brightest light exceeds what the camera can tell."""
-    lit = sampled.lit
-    if not lit.any():
-        return Finding("saturation", "good", "nothing is saturated")
+    lit = sampled.lit if sampled.lit.any() else np.ones_like(sampled.lit)
     share = float(np.mean(sampled.white[lit] >= sampled.full))
     top = quantile_of(sampled.white[lit], 0.98) / sampled.full
     figures = {"saturated": share, "brightest": top}

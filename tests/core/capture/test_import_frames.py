@@ -426,3 +426,22 @@ def test_codes_with_inverses_of_all_lines_run_as_in_the_camera(seed: int) -> Non
     shuffled = np.random.default_rng(seed).permutation(len(patterns))
     found = recognise([images[k] for k in shuffled], patterns, (64, 64), "test")
     assert shuffled[found].tolist() == list(range(len(patterns)))
+
+
+@pytest.mark.parametrize(
+    ("level", "told"), [(0, "nothing is saturated"), (255, "100.0% of the lit pixels are saturated")]
+)
+def test_frames_of_one_grey_value_are_not_said_to_be_in_order(
+    level: int, told: str, project: Path, tmp_path: Path, capsys
+) -> None:
+    """White all over was said to be dark, with nothing saturated; and noise to show the patterns in their order."""
+    take(tmp_path / "in", "gray-sine")
+    rng = np.random.default_rng(1)
+    for file in (tmp_path / "in").iterdir():
+        shape = cv2.imread(str(file), cv2.IMREAD_UNCHANGED).shape
+        image = np.full(shape, level) if level else rng.integers(0, 9, shape)
+        cv2.imwrite(str(file), image.astype(np.uint8))
+    assert main([*command(project, tmp_path), "--sequence", "gray-sine"]) == 0
+    said = capsys.readouterr().out
+    assert told in said
+    assert "in their order" not in said
