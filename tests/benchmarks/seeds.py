@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import sqrtm
 
 from core.bench import Experiment, experiment, true_targets, truth_maps
 from core.bench.truth import TruthMaps
@@ -150,7 +149,8 @@ def drawn(truth: Experiment, targets: list[TargetSet], rng: np.random.Generator)
         camera, projector = true_places(truth, t)
         shifts = np.zeros((3, 3)) if t.row_shifts is None else t.row_shifts
         moved = rng.multivariate_normal(np.zeros(len(camera)), t.row_share, 3, method="eigh").T
-        moved = np.einsum("nij,nj->ni", t.by_row, moved @ np.real(sqrtm(shifts)).T)
+        size, along = np.linalg.eigh(shifts)
+        moved = np.einsum("nij,nj->ni", t.by_row, moved @ (along * np.sqrt(np.maximum(size, 0))).T)
         by_row, cov = np.diagonal(t.row_share), t.camera_cov.copy()
         cov[:, 0, 0] -= by_row * shifts[0, 0]
         off = np.einsum("nij,nj->ni", np.linalg.cholesky(cov), rng.standard_normal(camera.shape))
