@@ -19,7 +19,9 @@ from __future__ import annotations
 from functools import partial, reduce
 from typing import NamedTuple
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from core.decode.chosen import middles
 from core.decode.tables import Singles
@@ -29,6 +31,7 @@ from core.parallel import run_in_bands
 
 CYCLES = 2.0  # of a wave that a window holds at least: of fewer, a polynomial takes too much
 SMALLEST, WIDEST, ACROSS = 16, 128, 16  # pixels along a window, and windows along an axis
+DOT = 12  # pixels along a window at most where larger ones are nowhere full
 THICK, BLURRED = 24, 0.6  # pixels along a window, of more means, in which a wave has so many cycles at most
 FEWEST, MANY = 16, 4  # windows, and of them for every number that tells how waves differ over the image
 FULL = 0.75  # of a window's pixels have a coordinate
@@ -128,14 +131,16 @@ def find_waves(u: Singles, periods: list[tuple[float, int]]) -> tuple[list[Wave]
         if order / period < SHOWN and order / period * steep < SEEN
     }
     times = max(1, int(BLURRED / max(seen, default=1.0) / steep))
-    most = min(WIDEST, min(u.shape) // 4, THICK * times)
-    seen = {each: wave for each, wave in seen.items() if most * steep * each >= CYCLES}
-    if not seen or most < SMALLEST:
-        return [], 0.0
-    waves = list(seen.values())
-    side = max(SMALLEST, int(np.ceil(CYCLES / min(seen) / steep)))
-    told = _windows(u, side, slopes, waves)
-    if len(told.right) < FEWEST:
+    for most in (min(WIDEST, min(u.shape) // 4, THICK * times), DOT):
+        mine = {each: wave for each, wave in seen.items() if most * steep * each >= CYCLES}
+        if not mine or most < min(SMALLEST, DOT):
+            continue
+        waves = list(mine.values())
+        side = max(min(SMALLEST, most), int(np.ceil(CYCLES / min(mine) / steep)))
+        told = _windows(u, side, slopes, waves)
+        if len(told.right) >= FEWEST:
+            break
+    else:
         return [], 0.0
     found, left = waves_by(told, waves, periods)
     return [wave for _, wave in found], left
@@ -271,15 +276,11 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
     """What windows tell of the waves, beside a polynomial of the surface."""
     times = -(-side // THICK)
     u, side = _thinned(u, times), side // times
-    offsets = np.arange(side)
-    firsts = [np.linspace(0, size - side, min(ACROSS, size // side)).astype(int) for size in u.shape]
-    rows, columns = firsts[0][:, None, None, None] + offsets[:, None], firsts[1][:, None, None] + offsets
-    place = u[rows, columns].reshape(-1, side**2).astype(float)
-    middles = (2 * (first + side / 2) / size - 1 for first, size in zip(firsts, u.shape, strict=True))
-    down, across = np.meshgrid(*middles, indexing="ij")
-    where = polynomial(across.ravel(), down.ravel())
-    full = np.isfinite(place).mean(axis=1) >= FULL
-    place, where = place[full], where[full]
+    firsts = _fullest(u, side)
+    rows, columns = (first[:, None] + np.arange(side) for first in firsts)
+    place = u[rows[:, :, None], columns[:, None]].reshape(-1, side**2).astype(float)
+    y, x = (2 * (first + side / 2) / size - 1 for first, size in zip(firsts, u.shape, strict=True))
+    where = polynomial(x, y)
     y, x = (each.ravel() for each in np.meshgrid(*2 * [np.linspace(-1, 1, side)], indexing="ij"))
     terms = quadratic(x, y)
     products = (terms[:, :, None] * terms[:, None]).reshape(len(terms), -1)
@@ -307,6 +308,25 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
     left = (shapes - (single @ explained).transpose(0, 2, 1)) * slim
     away = (place - fitted).astype(np.float32)[..., None]
     return Windows((left @ shapes.transpose(0, 2, 1)).astype(float), (left @ away)[..., 0].astype(float), where)
+
+
+def _fullest(u: Singles, side: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First rows and columns of windows that hold coordinates enough, the most of those that begin in a square."""
+    known = np.isfinite(u).astype(np.float32)
+    held = cv2.boxFilter(known, -1, (side, side), anchor=(0, 0), borderType=cv2.BORDER_CONSTANT)
+    held = held[: len(u) - side + 1, : u.shape[1] - side + 1]
+    high, wide = (size // side for size in held.shape)
+    squares = held[: high * side, : wide * side].reshape(high, side, wide, side).transpose(0, 2, 1, 3)
+    squares = squares.reshape(high, wide, side * side)[np.ix_(*(_thin(number) for number in (high, wide)))]
+    best, full = squares.argmax(axis=2), squares.max(axis=2) >= FULL
+    down, across = np.divmod(best[full], side)
+    row, column = (_thin(number)[at] for number, at in zip((high, wide), np.nonzero(full), strict=True))
+    return row * side + down, column * side + across
+
+
+def _thin(number: int) -> NDArray[np.intp]:
+    """At most `ACROSS` of so many, evenly."""
+    return np.linspace(0, number - 1, min(ACROSS, number)).astype(np.intp)
 
 
 def polynomial(x: Array, y: Array) -> Array:
