@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,9 @@ def calibrate_project(
     everything = all_captures(project)
     captures = captures_for(project, method, options, everything)
     with writing_results(project.path, "calibrate"):
-        return _calibrate(project, everything, captures, options, progress)
+        result = _calibrate(project, everything, captures, options, progress)
+    tell_idle(method, options, everything, captures)
+    return result
 
 
 def _calibrate(
@@ -153,11 +155,15 @@ def captures_for(
     if not any(found.values()):
         seen, remedies = zip(*(m.none for m in asked.values()), strict=True)
         raise InputError(project.path, ", ".join(seen), ", or ".join(remedies))
-    for name in asked.keys() - found.keys():
-        if idle := [c.name for c in captures if METHODS[name].uses(c)]:
+    return found
+
+
+def tell_idle(method: Method, options: CalibrateOptions, captures: Sequence[Capture], used: Collection[Method]) -> None:
+    """Name captures that a method asked for has too few of; a refusal says nothing but its own line."""
+    for name in (METHODS.keys() if method == "all" else {method}) - {*used}:
+        if idle := [c.name for c in captures if c.name not in options.without and METHODS[name].uses(c)]:
             told = "left out: %s: a %s needs %d such captures"
             logging.getLogger(__name__).warning(told, ", ".join(idle), METHODS[name].title, METHODS[name].least)
-    return found
 
 
 def _kept(project: Project, method: Method, record: Record) -> tuple[dict[str, Any], int] | None:
