@@ -152,7 +152,7 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
     read = cov + READ_DOUBT**2 * np.einsum("ni,nj->nij", *2 * [widening(marks.uv, marks.blur**2)[keep]])
     shared = np.einsum("nij,njk,nik->ni", gradient[keep], read, gradient[keep])
     by_row = by_row * gradient[keep, :, 0] ** 2
-    own = np.maximum(found.projector_sigma**2, by_row * np.diagonal(shifts)[1:])
+    own = np.maximum(found.projector_sigma**2, np.nan_to_num(by_row * np.diagonal(shifts)[1:]))  # of few: no gradient
     sigma = np.sqrt(own + np.nan_to_num(shared + 2 * by_row * shifts[0, 1:]))
     return replace(found, camera_cov=cov, projector_sigma=sigma)
 

@@ -115,3 +115,16 @@ def test_picks_beside_the_light_lead_into_it(bench, cells):
     assert np.abs(error).max() < 0.5
     whole = np.all((truth.true_uv > (200, 70)) & (truth.true_uv < (590, 490)), axis=1)
     assert set(which) >= set(np.flatnonzero(whole))
+
+
+def test_what_few_targets_read_has_a_sigma(bench, captures):
+    """Two dots tell no gradient of the lines; a capture of them ended `calibrate` by sigmas that are no numbers."""
+    truth, phase, _ = captures[0]
+    few = np.full_like(phase.u, np.nan)
+    for u, v in np.rint(truth.true_uv[[3 * 15 + 8, 8 * 15 + 13]]).astype(int):
+        few[v - 15 : v + 16, u - 15 : u + 16] = phase.u[v - 15 : v + 16, u - 15 : u + 16]
+    seeds = truth.seeds(((3, 8), (3, 13), (8, 13), (8, 8)))
+    targets = measure_targets(replace(phase, u=few), truth.field, seeds, truth.spec)
+    read = np.isfinite(targets.projector_uv)
+    assert np.count_nonzero(read[:, 0]) == 2
+    assert (targets.projector_sigma[read] > 0).all()
