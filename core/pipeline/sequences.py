@@ -108,7 +108,8 @@ def _stale(out: Path) -> Sequence[Path]:
         return []
     if not out.is_dir():
         raise InputError(out, "is a file", "choose a new or empty folder")
-    if others := foreign(out):
+    unlike = sorted(p.name for p in out.iterdir() if not (IMAGES.fullmatch(p.name) or p.name.startswith(".")))
+    if others := unlike or foreign(out):  # `unlike` may be the program's own, as a simulated project's
         raise InputError(out, f"holds {others[0]}, not as `patterns` wrote it", "choose a new or empty folder")
     return [p for p in out.iterdir() if IMAGES.fullmatch(p.name)]
 

@@ -27,6 +27,7 @@ from core.model import DeviceSpec, Subject
 from core.patterns import Black, Phase, White, axis_of, brightness, gray_and_phase, parse_sequence, pattern_to_dict
 from core.project import create_project, read_capture, read_project
 from core.project.made import FILE as MADE
+from core.project.made import note_made
 from tests.core.capture.test_stored_frames import LINES, render
 
 A = Subject("object", "a")
@@ -359,6 +360,15 @@ def test_a_folder_of_something_else_is_left_alone(project: Path, tmp_path: Path)
     (tmp_path / "out" / "thesis.txt").write_text("x")
     assert main(["patterns", str(project), "--out", str(tmp_path / "out"), "--sequence", "paper"]) == 2
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["thesis.txt"]
+
+
+def test_patterns_do_not_go_among_other_files_that_the_program_wrote(project: Path, capsys) -> None:
+    """Those of a simulated project are as they were written, and 25 files came to lie in its folder."""
+    note_made(project, {})
+    own = sorted(p.name for p in project.iterdir())
+    assert main(["patterns", str(project), "--out", str(project)]) == 2
+    assert "not as `patterns` wrote it; choose a new or empty folder" in capsys.readouterr().err
+    assert sorted(p.name for p in project.iterdir()) == own
 
 
 def test_patterns_never_replace_the_frames_of_a_capture(project: Path, tmp_path: Path, capsys) -> None:
