@@ -89,11 +89,11 @@ def shared_frames(project: Project, captures: Sequence[Capture]) -> dict[str, tu
     from core.checks import repeated_frames
 
     own = [frame for capture in captures for frame in capture.frames]
-    sizes, whole = {_size(frame) for frame in own} - {None}, {capture.path for capture in captures}
+    sizes, mine = {_size(frame) for frame in own} - {None}, {os.path.realpath(capture.path) for capture in captures}
     others = []
     for folder in project.captures:
         with suppress(InputError):  # another that cannot be read is no matter of these
-            others += [c] if (c := read_capture(folder, project)).path not in whole else []
+            others += [] if os.path.realpath(folder) in mine else [read_capture(folder, project)]
     contents = contents_of(project.path)
     # only files of one size can be the same, and of those that are not compressed the ones that look alike
     alike = [f for c in (*others, *captures) for f in c.frames if _size(f) in sizes]

@@ -224,6 +224,10 @@ def test_files_of_one_size_are_not_hashed_to_tell_whether_captures_share_them(
         "5.tif also stands in a: a file of another capture; record it again"
     ]
     assert [name for name in hashed if Path(name).parent != own] == [str(tmp_path / "captures/a/3.tif")]
+    # `batch` reads captures by their resolved place, whatever the project is called by: each was another beside itself
+    (tmp_path / "linked").symlink_to(tmp_path)
+    linked = read_project(tmp_path / "linked")
+    assert shared_frames(linked, [read_capture(tmp_path / "captures/b", linked)]) == {"b": ()}
 
 
 def test_code_frames_without_noise_that_are_lit_all_over_are_one_image(tmp_path: Path) -> None:
