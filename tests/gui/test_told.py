@@ -156,6 +156,10 @@ def test_whatever_is_said_of_running_work_has_a_translation(german: None) -> Non
         ),
         ("the words of a plug-in of somebody", "the words of a plug-in of somebody"),
         ("testfield-03: not measured yet; is gone", "testfield-03: noch nicht gemessen; fehlt jetzt"),
+        (
+            "000.png and 001.png are the same image under two patterns and 43 pairs more: record one again",
+            "000.png und 001.png sind dasselbe Bild unter zwei Mustern und 43 weitere Paare: eines neu aufnehmen",
+        ),
     ],
 )
 def test_figures_and_sentences_within_a_sentence_are_told(german: None, english: str, text: str) -> None:
