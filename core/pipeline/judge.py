@@ -63,7 +63,9 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     projectors = evidence.project.rig.projectors
     taking_part = {c.name for chosen in evidence.used.values() for c in chosen}
     looked_at = [c for c in evidence.captures if c.name in taking_part or c.role in ("plane", "object")]
-    contents = contents_of(evidence.project.path).learn(frame.place for c in looked_at for frame in c.frames)
+    known = contents_of(evidence.project.path).learn(frame.place for c in looked_at for frame in c.frames)
+    used = {known.get(frame.place) for c in looked_at if c.name in taking_part for frame in c.frames}
+    contents = {place: key for place, key in known.items() if key in used}  # of the rest, `evaluate` tells
     twice = repeated_frames(looked_at, projectors, contents, has_one_value, shows_all_or_no_light, is_white_of)
     sets = [t for t in evidence.sets if t.capture in taking_part]
     twice = twice or repeated_targets(sets)
