@@ -168,7 +168,7 @@ def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Conc
         return Concern("failed", text, b)
     if len({f.path.name for f, _ in pairs}) >= 0.9 * frames:
         return Concern("failed", f"{b} has the same frames as {a}: one capture under two names; take one out", b)
-    names = ", ".join(sorted({g.path.name for _, g in pairs})[:MOST_NAMED])
+    names = listed(sorted({g.path.name for _, g in pairs}), MOST_NAMED)
     return Concern("failed", f"{b}: {names} also stands in {a}: a file of another capture; record it again", b)
 
 

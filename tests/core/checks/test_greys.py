@@ -85,6 +85,18 @@ def test_frames_of_one_grey_value_may_stand_in_many_captures() -> None:
     assert concern.text.startswith("b: 0.png also stands in a")
 
 
+def test_files_that_another_capture_holds_are_counted() -> None:
+    """Of 20 files four were named, as if these were all."""
+    patterns = [Code("gray", "x", bit, 30, 1, False) for bit in range(30)]
+    captures = [
+        Capture(Path(name), "object", tuple(Frame(f"{name}/{k:02d}.png", p) for k, p in enumerate(patterns)))
+        for name in ("a", "b")
+    ]
+    contents = {f.place: f.path.name if int(f.path.stem) < 20 else f.place for c in captures for f in c.frames}
+    (concern,) = repeated_frames(captures, {}, contents, lambda frame: False)
+    assert concern.text.startswith("b: 00.png, 01.png, 02.png, 03.png and 16 more also stands in a")
+
+
 def test_a_file_that_many_captures_hold_is_told_once_of_each_and_looked_at_once() -> None:
     """Of 2,000 captures with one white frame decoding one read that frame 2,000,000 times, and told it 1,999 times."""
     bit = Code("gray", "x", 0, 1, 1, False)
