@@ -91,6 +91,12 @@ def recognise(
                     "cover one of them, or pick 4 targets of the one that is meant",
                 )
         return found, ways
+    if (kind.round or not seen) and (like := _like(phase, testfield, camera, facing)):
+        raise NotRecognisedError(
+            capture or "image",
+            f"the board looks like one of kind {like}, its testfield file says {testfield.kind}",
+            f'write "# kind: {like}" if that file is of this board, or name the board that was captured',
+        )
     other: Literal["white-on-black", "black-on-white"] = (
         "white-on-black" if testfield.polarity == "black-on-white" else "black-on-white"
     )
@@ -99,12 +105,6 @@ def recognise(
             capture or "image",
             f"the board looks like one of polarity {other}, its testfield file says {testfield.polarity}",
             "correct it if that file is of this board, or pick 4 targets",
-        )
-    if (kind.round or not seen) and (like := _like(phase, testfield, camera, facing)):
-        raise NotRecognisedError(
-            capture or "image",
-            f"the board looks like one of kind {like}, its testfield file says {testfield.kind}",
-            f'write "# kind: {like}" if that file is of this board, or name the board that was captured',
         )
     what = f"{seen} {kind.plural} in order, which do not fit the board" if seen else f"no {kind.plural} in order"
     raise NotRecognisedError(

@@ -193,11 +193,16 @@ def test_a_board_of_other_rows_and_columns_is_not_recognised(rows, cols):
         recognise(phase_of(image), field, SPEC)
 
 
-@pytest.mark.parametrize("said", ["dots", "charuco", "tags"])
-def test_a_board_said_to_be_of_another_kind_is_named_by_what_it_looks_like(said):
+@pytest.mark.parametrize(
+    ("said", "polarity"),
+    [("dots", "white-on-black"), ("dots", "black-on-white"), ("charuco", "white-on-black"), ("tags", "white-on-black")],
+)
+def test_a_board_said_to_be_of_another_kind_is_named_by_what_it_looks_like(said, polarity):
+    """Squares look like dots of either polarity: each file was said to be of the other."""
     image, _ = photograph("chessboard", np.random.default_rng(11), 25)
+    field = replace(field_of("chessboard"), kind=said, polarity=polarity, diameter_mm=np.full(ROWS * COLS, SQUARE / 2))
     with pytest.raises(NotRecognisedError, match=f"looks like one of kind chessboard, its testfield file says {said}"):
-        recognise(phase_of(image), replace(field_of("chessboard"), kind=said), SPEC)
+        recognise(phase_of(image), field, SPEC)
 
 
 def test_no_board_is_no_board():
