@@ -75,7 +75,8 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
         plainest: dict[tuple[str, ...], str] = {}
         for left, text, described in tried:
             changed = {type(p).__name__ for p, own in zip(described, looked.patterns, strict=True) if p != own}
-            if left <= least + min(ALIKE, share / 10):
+            # a period that is no whole number of lines looks like more than frames can, and fits with any shift
+            if left <= (most if _slipped(looked.patterns, described) else least + min(ALIKE, share / 10)):
                 plainest.setdefault(tuple(sorted(changed)), text)
         return Note(f": {'; '.join(plainest.values())}", "mistake"), None
     for bands, why in LEVELLED.items():
@@ -270,6 +271,15 @@ def _of_period(
 ) -> tuple[str, Array, Sequence[Pattern]]:
     changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
     return f"they fit with a period of {other:g} lines, not {period:g}", own, changed
+
+
+def _slipped(patterns: Sequence[Pattern], described: Sequence[Pattern]) -> bool:
+    """Whether periods are others than described, and near them."""
+    pairs = [(p, own) for p, own in zip(described, patterns, strict=True) if p != own]
+    return bool(pairs) and all(
+        isinstance(p, Phase) and isinstance(own, Phase) and 0 < abs(p.period / own.period - 1) < NEAR
+        for p, own in pairs
+    )
 
 
 def _beside(plan: Plan, looked: Looked) -> list[int] | None:

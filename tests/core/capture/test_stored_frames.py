@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -166,6 +167,20 @@ def test_patterns_described_wrongly_are_named(kind: str, taken: tuple[list[Patte
     change, words = DESCRIBED[kind]
     found = told([change(p) for p in patterns], images)
     assert any(w in found for w in words.split("|")), found
+
+
+def test_a_period_that_is_a_slip_is_named_before_others_that_fit_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "LINES", (640, 640))
+    patterns = [p for p in reference_sequence(640, 640) if axis_of(p) != "y"]
+    width, rng = 496, np.random.default_rng(1)
+    u = np.clip(np.floor(8.5 + np.arange(3 * width)[None] * 1.25 / 3), 0, 639).astype(int)  # of thirds of a pixel
+    images = []
+    for pattern in patterns:
+        seen = cv2.GaussianBlur(light(pattern, u, u).astype(np.float32), (0, 0), 1.8)
+        row = cv2.resize(seen, (width, 1), interpolation=cv2.INTER_AREA)
+        images.append(np.round(12 + 150 * row + rng.normal(0, 1, (40, width))).astype(np.uint8))
+    slip = of(Phase, period=lambda p: 1.003 * p.period)
+    assert "they fit with a period of 4 lines, not 4.012" in told([slip(p) for p in patterns], images)
 
 
 def swapped(f: Frames, i: int, k: int) -> Frames:
