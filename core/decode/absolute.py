@@ -164,7 +164,7 @@ def decode(
         if periods := sequence.periods(k):
             u, sigma = found.over_image(found.place[k], found.sigma[k])
             left = take_waves_out(u, periods)
-            left += take_kinds_out(u, periods) if seen.response is not None or sequence.squares[k] else 0.0
+            left += take_kinds_out(u, periods) if seen.response is not None else 0.0
             widen(sigma, np.full((1, 1), left, np.float32))
     _draw_and_doubt(found, sequence, seen)
     phase = replace(_phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps), clipped=clipped)

@@ -13,7 +13,6 @@ from core.decode.balance import balance
 from core.decode.chosen import of_lit, take_sample
 from core.decode.fitting import estimate_response
 from core.decode.flicker import steady
-from core.decode.folded import SHOWN
 from core.decode.frames import Image, SortedFrames, sort_frames
 from core.decode.harmonics import SquareWave, measure_bend, square_waves
 from core.decode.noise import Noise, contrasts
@@ -54,11 +53,9 @@ class Prepared:
         return any(wave.axis == axis for wave in self.waves) and not self.squares[axis]
 
     def periods(self, axis: int) -> list[tuple[float, int]]:
-        """Periods (lines) and numbers of steps of the fringes of an axis; of square ones, where blur leaves waves."""
-        seen = [(w.axis, w.frames.period, len(w.frames.frames)) for w in self.waves]
-        sharp = [(w.axis, w.frames.period, len(w.frames.frames)) for w in self.sharp]
-        seen += [(a, period, steps) for a, period, steps in sharp if steps / period < SHOWN]
-        return [(period, steps) for a, period, steps in seen if a == axis]
+        """Periods (lines) and numbers of steps of an axis of sine fringes; none where any of its fringes are square."""
+        mine = [(w.frames.period, len(w.frames.frames)) for w in self.waves if w.axis == axis]
+        return [] if self.squares[axis] else mine
 
 
 @lru_cache(maxsize=16)

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from core.decode import decode
 from core.decode.mosaic import take_kinds_out
-from core.patterns import Black, Pattern, White, brightness, gray_and_phase
+from core.patterns import Pattern, brightness, gray_and_phase
 
 LINES, FINE = 512, 8  # lines, and steps a line
 Y, X = np.mgrid[:300, :400].astype(float)
@@ -75,16 +75,4 @@ def test_a_plane_of_focus_within_the_image() -> None:
     for pattern in patterns:
         grey = 5 + 190 * seen(pattern, 2.4, (1.0, 0.4, 1.0, 1.6))
         frames.append(np.rint(grey + rng.standard_normal(U.shape) * np.sqrt(0.3 + 0.01 * grey)).astype(np.uint8))
-    assert 0.8 < ratio(patterns, frames) < 1.15
-
-
-@pytest.mark.parametrize("blur", [0.5, 1.0])
-def test_square_waves_of_eight_lines_in_a_camera_with_a_gamma(blur: float) -> None:
-    """What no blur of a family explains of their harmonics shows on smooth surfaces: sigma was a third of it."""
-    waves = gray_and_phase("x", LINES, cell=4, periods=[8], steps=4, profile="square")
-    patterns, rng = [*waves, White(), Black()], np.random.default_rng(5)
-    frames = []
-    for pattern in patterns:
-        grey = 255 * np.clip(0.02 + 0.8 * seen(pattern, 1.0, (blur,)), 0, 1) ** (1 / 2.2)
-        frames.append(np.rint(grey + 0.6 * rng.standard_normal(U.shape)).clip(0, 255).astype(np.uint8))
     assert 0.8 < ratio(patterns, frames) < 1.15

@@ -24,7 +24,6 @@ def square(period: float, steps: int):
 def test_the_phase_of_few_square_steps_is_straight(bench, judge, period, steps, blur, monkeypatch) -> None:
     b, patterns = bench(blur=blur, gain=160.0, dark=1.0), [*square(period, steps), White(), Black()]
     images = b.take(patterns)
-    monkeypatch.setattr("core.decode.absolute.take_waves_out", lambda *_: 0.0)  # which straightens, too
     straight = judge(decode(patterns, images, lines=(640, 640)), b.u, 2.0)
     monkeypatch.setattr("core.decode.known.measure_bend", lambda table, *_: table)
     bent = judge(decode(patterns, images, lines=(640, 640)), b.u, 2.0)
