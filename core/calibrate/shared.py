@@ -81,9 +81,7 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
     followed = np.trace(carried[:U]) - np.sum(C * carried[U:])
     followed += np.sum(inverse.Q_own * found[blocks[:, :, None], blocks[:, None, :]])
     left = 1.0 - float(followed) / problem.redundancy
-    factors = {
-        name: 1.0 if factor == 1 else factor / left for name, factor in solved.factors.items()
-    }  # 1: not asked for
+    factors = {name: f if f == 1 else f / left for name, f in solved.factors.items()}  # 1: none was estimated
     return replace(solved, inverse=replace(inverse, Q=(inverse.Q + Q.T @ carried) / left), factors=factors)
 
 

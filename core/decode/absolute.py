@@ -244,7 +244,7 @@ def _mend(
     drop_islands(u, sigma, flags, missing, farthest(table))
     used = sum(int(flag) for flag, each in zip(MISSING, seen.tables, strict=True) if each.start != NOTHING)
     ask_neighbours(images, table, telling, sequence.image_rows, (u, sigma, flags, missing), used)
-    if sequence.sines_alone(axis):
+    if sequence.periods(axis):
         take_ripple_out(u, sigma)
     if table.start == CODE and table.gray and not len(table.period):
         sigma_of_edges(u, sigma, float(table.cell), contrast, even, limits)

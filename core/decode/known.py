@@ -48,10 +48,6 @@ class Prepared:
     image_rows: Rows
     contrasts: NDArray[np.float64]
 
-    def sines_alone(self, axis: int) -> bool:
-        """Whether an axis has sine fringes, and no square ones."""
-        return any(wave.axis == axis for wave in self.waves) and not self.squares[axis]
-
     def periods(self, axis: int) -> list[tuple[float, int]]:
         """Periods (lines) and numbers of steps of an axis of sine fringes; none where any of its fringes are square."""
         mine = [(w.frames.period, len(w.frames.frames)) for w in self.waves if w.axis == axis]
