@@ -38,7 +38,7 @@ from core.patterns import (
 from core.progress import SILENT, Progress
 from core.project import iterate_images, read_capture, read_project
 
-HEIGHT, WIDTH = 24, 700  # px of the made-up field
+HEIGHT, WIDTH = 32, 525  # px of the made-up field: large enough for the decoder to see a ripple
 PERIODS = (6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # lines, that are tried
 OUTLIER = 35.0  # times the median square, four standard deviations: edges of the scene
 GROSS = 0.5  # of the finest period; of words two lines

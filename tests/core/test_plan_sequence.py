@@ -13,8 +13,8 @@ from core.cli import main
 from core.decode import decode
 from core.errors import InputError
 from core.model import DeviceSpec, Subject
-from core.patterns import axis_of, brightness, parse_sequence
-from core.pipeline.planning import expected, plan_sequence, rig_light
+from core.patterns import SequenceSpec, axis_of, brightness, parse_sequence
+from core.pipeline.planning import RigLight, expected, plan_sequence, rig_light
 from core.project import add_capture, create_project, read_project
 from tests.captures import write_capture
 
@@ -22,7 +22,9 @@ LINES, CAMERA = (160, 160), (320, 40)
 CONTRAST, AMBIENT, NOISE, BLUR = 90.0, 14.0, 2.2, 0.6
 
 
-def render(pattern, place: NDArray, rng: np.random.Generator, shaded: float = 0.0) -> NDArray[np.uint8]:
+def render(
+    pattern, place: NDArray, rng: np.random.Generator, shaded: float = 0.0, blur: float = BLUR
+) -> NDArray[np.uint8]:
     """Rays: every pixel is the mean of 256 rays, each of which meets one line; noise by the sensor."""
     level = np.zeros(place.shape)
     shown = np.pad(brightness(pattern, np.arange(LINES[0])), 40)
@@ -30,7 +32,7 @@ def render(pattern, place: NDArray, rng: np.random.Generator, shaded: float = 0.
         # quantiles of the normal distribution, by interpolation of its sum
         x = np.linspace(-5, 5, 2001)
         total = np.cumsum(np.exp(-x * x / 2))
-        level += shown[np.rint(place + BLUR * np.interp(shift, total / total[-1], x)).astype(int) + 40] / 256
+        level += shown[np.rint(place + blur * np.interp(shift, total / total[-1], x)).astype(int) + 40] / 256
     level = level if axis_of(pattern) else np.full(place.shape, shown[40])
     contrast = np.where(np.arange(place.shape[1]) < 0.6 * place.shape[1], CONTRAST, CONTRAST * (1 - shaded))
     return np.uint8(np.clip(np.rint(AMBIENT + contrast * level + NOISE * rng.normal(size=place.shape)), 0, 255))
@@ -72,6 +74,16 @@ def test_the_rig_is_read_off_a_capture_and_noise_is_predicted_to_a_twentieth(pro
             u = decode(patterns, [render(q, place, rng) for q in patterns], lines=LINES).u
             error = (u - place)[np.abs(u - place) < 2]
             assert p.sigma_lines == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=0.05), p
+
+
+def test_fine_fringes_of_sharp_lines_are_predicted_without_their_ripple() -> None:
+    """The decoder takes the ripple of whole lines out where it sees enough of a surface."""
+    light = RigLight(CONTRAST, AMBIENT, NOISE**2 + 1 / 12, blur_lines=0.45)
+    planned = expected(SequenceSpec("gray-sine", {"period": 6, "steps": 7}), LINES, light)
+    place, rng = field(), np.random.default_rng(8)
+    patterns = parse_sequence(f"{planned.words},axes=x").patterns(LINES)
+    error = decode(patterns, [render(q, place, rng, blur=0.45) for q in patterns], lines=LINES).u - place
+    assert planned.sigma_lines == pytest.approx(float(np.sqrt(np.nanmean(error**2))), rel=0.03)
 
 
 def test_pixels_in_half_light_count_by_their_noise(tmp_path: Path) -> None:
