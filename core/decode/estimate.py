@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from core.decode.curves import light_at
 from core.decode.frames import AxisFrames, Image, SortedFrames
+from core.decode.noise import TINY
 from core.decode.refined import PAD, PER_LINE, SUMS, TILE, AxisModel, Light, blur_costs, refine_pixels, rows_for
 from core.decode.response import Response
 from core.decode.tables import Array, AxisTable, Limits, Singles
@@ -23,9 +24,10 @@ from core.parallel import run_in_bands
 from core.patterns import Pattern, brightness, grey_reason
 from core.progress import Progress
 
-WIDTHS = 0.3 * 1.08 ** np.arange(24)  # lines, standard deviations of the blur
-COARSE = (2, 7, 12, 17, 22)  # of them, looked at first
-AROUND = 3  # of them on either side of the best, among which tiles choose
+WIDTHS = 0.3 * 1.02 ** np.arange(96)  # lines, standard deviations of the blur
+COARSE = (8, 28, 48, 68, 88)  # of them, looked at first
+AROUND = 12  # of them on either side of the best, among which tiles choose
+STEP = 4  # of them: those between are chosen by what the nearest of every fourth say
 OF_TILE = 12  # pixels of a tile that tell its blur
 USUAL = 2.0  # pixels' worth of the whole image's blur in that of a tile, for every pixel of it
 BEST_TILES = 64  # that tell the whole image's blur
@@ -175,7 +177,7 @@ def _model(
     return AxisModel(light, sums, places, size, np.array(numbers, np.int32)), tables
 
 
-@lru_cache(maxsize=24)
+@lru_cache(maxsize=32)
 def _blurred(patterns: tuple[Pattern, ...], lines: int, curve: bytes, width: int) -> tuple[Singles, Singles]:
     """One width of an `AxisModel`: boxes of lines, blurred by a Gaussian."""
     if not patterns:
@@ -233,14 +235,23 @@ def _find_blur(models, source, light, planes, pixels):  # type: ignore[no-untype
     chosen, choice = [], np.zeros((2, *pixels.shape[:2]), np.uint8)
     for axis in (0, 1):
         low = int(np.clip(best[axis] - AROUND, 0, len(WIDTHS) - 2 * AROUND - 1))
-        mine = list(range(low, low + 2 * AROUND + 1))
+        mine = range(low, low + 2 * AROUND + 1, STEP)
         each = costs(tiles, axis, mine, best[1 - axis])
         usual = each.sum(axis=0) / max(known.sum(), 1)
         field = (each + USUAL * OF_TILE * usual).reshape(*pixels.shape[:2], -1)
         padded = np.pad(field, ((1, 1), (1, 1), (0, 0)), mode="edge")
         down, across = pixels.shape[:2]
         smooth = np.sum([padded[i : i + down, j : j + across] for i in range(3) for j in range(3)], axis=0)
-        choice[axis] = smooth.argmin(axis=2)
         best[axis] = mine[int(usual.argmin())]
-        chosen.append(mine)
+        used, which = np.unique(low + _lowest(smooth), return_inverse=True)
+        choice[axis] = which.reshape(down, across)
+        chosen.append(used.tolist())
     return chosen, choice
+
+
+def _lowest(costs: Array) -> NDArray[np.int64]:
+    """Number of the width at which costs (..., n) of every `STEP`-th are least, by the parabola about the least one."""
+    at = np.clip(costs.argmin(axis=-1), 1, costs.shape[-1] - 2)
+    left, middle, right = (np.take_along_axis(costs, (at + k)[..., None], -1)[..., 0] for k in (-1, 0, 1))
+    beside = 0.5 * (left - right) / np.maximum(left - 2 * middle + right, TINY)
+    return np.asarray(np.rint(STEP * np.clip(at + beside, 0, costs.shape[-1] - 1)), np.int64)

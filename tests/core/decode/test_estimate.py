@@ -77,6 +77,7 @@ def test_the_estimate_uses_all_that_the_frames_tell(bench, blur: float) -> None:
         assert after[good].std() < 1.03 * least
         z = after[good] / getattr(refined, f"sigma_{axis}")[good]
         assert 0.95 < np.sqrt(np.mean(z**2)) < 1.05
+        assert abs(2 * np.mean(after[good] * np.exp(2j * np.pi * truth[good]))) < 0.003  # a ripple of whole lines
     assert refined.misfit is not None
     assert np.nanmedian(refined.misfit) == pytest.approx(1, abs=0.1)
     assert plain.misfit is None
