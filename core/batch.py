@@ -33,7 +33,7 @@ from core.pipeline import load_calibrations
 from core.pipeline.decode import phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import covers, judge_plane
 from core.pipeline.evidence import points_of, shared_frames
-from core.pipeline.folders import find_capture
+from core.pipeline.folders import find_folder
 from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.reconstruct import write_cloud
@@ -172,7 +172,7 @@ def _prepare(
     project: Project, out: Path, names: Sequence[str], steps: tuple[Step, ...], progress: Progress
 ) -> tuple[dict[str, Outcome], list[Job]]:
     """Find the captures and tell those that need work; the others have their outcome already."""
-    folders = [find_capture(project, name).path for name in names] if names else list(project.captures)
+    folders = [find_folder(project, name) for name in names] if names else list(project.captures)
     if not folders:
         raise InputError(project.path, "the project has no captures", "record some first")
     calibrations: dict[str, str | None] = {}

@@ -50,9 +50,14 @@ def known_truth(project: Project) -> Mapping[str, Any] | None:
 
 def find_capture(project: Project, name: str) -> Capture:
     """Read the capture that a user named: the folder's name, its path from the project, or its path."""
+    return read_capture(find_folder(project, name), project)
+
+
+def find_folder(project: Project, name: str) -> Path:
+    """Give the folder of the capture that a user named, as its project names it, whether it can be read or not."""
     for folder in (*(f for f in project.captures if f.name == name), project.path / name, Path(name)):
         if os.path.isfile(folder / "capture.json"):  # false for any text that cannot be a path, too
-            return read_capture(own_folder(project, folder), project)
+            return own_folder(project, folder)
     names = [folder.name for folder in project.captures]
     raise InputError(project.path, f"no capture {name!r}", choose_among(name, names))
 

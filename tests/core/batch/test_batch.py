@@ -157,6 +157,19 @@ def test_a_damaged_capture_stops_no_other_and_is_told(
     }
 
 
+def test_captures_that_cannot_be_read_stop_no_other_though_they_are_named(
+    quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, captures = tmp_path / "out", read_project(quick).captures[:3]
+    own(captures[0] / "capture.json").write_text("{")
+    own(captures[1] / "capture.json").write_text('{"format": "stripe-capture", "version": 1, "role": "plan"}')
+    names = [folder.name for folder in captures]
+    assert main(["batch", str(quick), *names, "--do", "decode", "--out", str(out), "--workers", "1"]) == 1
+    assert names[0] in capsys.readouterr().err.strip().splitlines()[-1]
+    assert [row["state"] for row in summary(out).values()] == ["failed", "failed", "done"]
+    assert "role" in summary(out)[names[1]]["error"]
+
+
 def test_cancelling_keeps_what_is_complete(scheduler: str, quick: Path, tmp_path: Path) -> None:
     out, project = tmp_path / "out", read_project(quick)
     last = [0.0]
