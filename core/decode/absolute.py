@@ -20,6 +20,7 @@ from core.decode.curves import LEVELS
 from core.decode.detours import bent_by, second_light
 from core.decode.edges import sigma_of_edges
 from core.decode.estimate import Planes, estimable, refine
+from core.decode.evenness import level_out
 from core.decode.exposures import DEEPEST, fuse_exposures
 from core.decode.folded import take_waves_out
 from core.decode.footprint import draw_back
@@ -144,15 +145,16 @@ def decode(
         return replace(_in_grey_values(phase, steps), notes=(*phase.notes, TONE))
     found = _Found.of_nothing(arrays[0].shape)
     at_rim = _decode_pixels(found, sequence, arrays, seen, progress)
-    even_image = found.image.reshape(found.shape)
+    *place, amplitude, even_image = found.over_image(*found.place, found.modulation, found.image)
+    if seen.response is not None:
+        level_out(even_image, place, amplitude, sequence.image_rows, sequence.waves, seen.response)
     clipped = relight(even_image, arrays, sequence.frames, sequence.image_rows, float(seen.limits.saturation))
     telling = seen.limits
     if noise is not None:
         telling = telling._replace(saturation=np.minimum(telling.saturation, np.float32(noise.upto)))
     doubts = [_mend(found, k, sequence, arrays, seen, telling, bool(at_rim >> k & 1)) for k in range(len(AXES))]
-    even = [*sequence.frames.white[:1], *sequence.frames.black[:1]]
-    lossy = compressed_in_blocks([arrays[n] for n in {*even, 0, len(arrays) - 1}])
-    for k in (k for k, table in enumerate(seen.tables) if lossy and len(table.period)):
+    altered = _altered(sequence, arrays)
+    for k in (k for k, table in enumerate(seen.tables) if COMPRESSED in altered and len(table.period)):
         u, sigma = found.over_image(found.place[k], found.sigma[k])
         widen(sigma, roughness(u, sigma))
     misfit = None
@@ -170,7 +172,15 @@ def decode(
     phase = replace(_phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps), clipped=clipped)
     if options.estimate and (alone := codes_alone(seen.tables)):
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
-    return replace(phase, notes=(*phase.notes, COMPRESSED)) if lossy else phase
+    return replace(phase, notes=(*phase.notes, *altered)) if altered else phase
+
+
+def _altered(sequence: Prepared, images: Sequence[Image]) -> tuple[str, ...]:
+    """Say what was done to the frames after they were exposed."""
+    even = [*sequence.frames.white[:1], *sequence.frames.black[:1]]
+    if compressed_in_blocks([images[n] for n in {*even, 0, len(images) - 1}]):
+        return (COMPRESSED,)
+    return ()
 
 
 def _in_grey_values(phase: PhaseMap, steps: float) -> PhaseMap:
