@@ -40,6 +40,7 @@ from core.decode.overexposed import relight
 from core.decode.repeated import drop_repeated
 from core.decode.ripple import take_ripple_out
 from core.decode.sections import decode_sections, section_scratch
+from core.decode.smoothed import SMOOTHED, smoothed
 from core.decode.tables import CODE, NOTHING, PHASES, SWEEP, Limits, Singles
 from core.errors import InputError
 from core.lazy import dataclass
@@ -153,7 +154,7 @@ def decode(
     if noise is not None:
         telling = telling._replace(saturation=np.minimum(telling.saturation, np.float32(noise.upto)))
     doubts = [_mend(found, k, sequence, arrays, seen, telling, bool(at_rim >> k & 1)) for k in range(len(AXES))]
-    altered = _altered(sequence, arrays)
+    altered = _altered(sequence, arrays, float(seen.limits.saturation))
     for k in (k for k, table in enumerate(seen.tables) if COMPRESSED in altered and len(table.period)):
         u, sigma = found.over_image(found.place[k], found.sigma[k])
         widen(sigma, roughness(u, sigma))
@@ -175,12 +176,13 @@ def decode(
     return replace(phase, notes=(*phase.notes, *altered)) if altered else phase
 
 
-def _altered(sequence: Prepared, images: Sequence[Image]) -> tuple[str, ...]:
+def _altered(sequence: Prepared, images: Sequence[Image], saturation: float) -> tuple[str, ...]:
     """Say what was done to the frames after they were exposed."""
     even = [*sequence.frames.white[:1], *sequence.frames.black[:1]]
     if compressed_in_blocks([images[n] for n in {*even, 0, len(images) - 1}]):
         return (COMPRESSED,)
-    return ()
+    fringes = (*sequence.waves, *sequence.sharp)
+    return (SMOOTHED,) if smoothed(images, sequence.contrasts, fringes, saturation) else ()
 
 
 def _in_grey_values(phase: PhaseMap, steps: float) -> PhaseMap:
