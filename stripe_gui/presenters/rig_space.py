@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import asin, cos, sin
 
+import cv2
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from core.geometry import Pose, ray_directions
 from core.lazy import dataclass
@@ -14,8 +14,8 @@ from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.presenters.rig_view import RigPlan
 from stripe_gui.presenters.space import Line, Name, Scene, seen
+from stripe_gui.presenters.told import translate
 
-translate = QCoreApplication.translate
 SLICES = 5  # of the working volume
 UP = np.array([0.0, 1.0, 0.0])
 TARGET = (150, 160, 170)
@@ -116,37 +116,16 @@ def common_slices(devices: dict[str, Stand], reach: tuple[float, float]) -> list
     """Give what all devices see at several depths, as convex polygons, shape (n, 3)."""
     found = []
     for depth in np.linspace(*reach, SLICES):
-        polygons = [field(device, depth) for device in devices.values()]
-        common = polygons[0]
-        for other in polygons[1:]:
-            common = clipped(common, other)
-        if len(common) > 2:
-            found.append(common)
+        first, *others = (field(device, depth) for device in devices.values())
+        common = first[:, :2].astype(np.float32)
+        for other in others:
+            area, overlap = cv2.intersectConvexConvex(common, other[:, :2].astype(np.float32))
+            if area <= 0:
+                break
+            common = np.asarray(overlap, np.float32).reshape(-1, 2)
+        else:
+            found.append(np.column_stack([common, np.full(len(common), first[0, 2])]))
     return found
-
-
-def clipped(polygon: Array, window: Array) -> Array:
-    """Cut a polygon by a convex one of its plane, as Sutherland and Hodgman do (doi:10.1145/360767.360802).
-
-    Examples
-    --------
-    >>> square = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]])
-    >>> clipped(square, square + [1, 1, 0])[:, :2].tolist()
-    [[2.0, 1.0], [2.0, 2.0], [1.0, 2.0], [1.0, 1.0]]
-    """
-    middle = window.mean(axis=0)
-    for a, b in zip(window, np.roll(window, -1, axis=0), strict=True):
-        normal = np.array([a[1] - b[1], b[0] - a[0]])
-        side = (polygon[:, :2] - a[:2]) @ normal * np.sign((middle[:2] - a[:2]) @ normal)
-        kept = []
-        for i in range(len(polygon)):
-            j = (i + 1) % len(polygon)
-            if side[i] >= 0:
-                kept.append(polygon[i])
-            if (side[i] >= 0) != (side[j] >= 0):
-                kept.append(polygon[i] + (polygon[j] - polygon[i]) * side[i] / (side[i] - side[j]))
-        polygon = np.array(kept).reshape(-1, 3)
-    return polygon
 
 
 def rig_table(devices: dict[str, Stand], reach: tuple[float, float]) -> Table:
