@@ -124,13 +124,15 @@ def _carried(
     the image: of the interior orientation and, as most of it looks like a turn, of where each device looks. `pose` is
     the projector's from the camera's with the other model's `axes`, a matrix that gives these from OpenCV's.
     """
+    from scipy.linalg import block_diag  # only now: it takes a while to load
+
     followed, interior, turns = zip(*(_followed(*way, use) for way in ways), strict=True)
     by_camera, by_projector = (axes @ turn @ axes.T for turn in turns)
     about = np.vstack([np.eye(3), -cross_matrix(pose.translation_mm)])  # a projector that turns about its own centre
     orientation = about @ by_projector @ about.T
     orientation[:3, :3] += pose.rotation @ by_camera @ pose.rotation.T
-    L = _joined(*followed, FLIP, FLIP)
-    return L @ covariance @ L.T + _joined(*interior, orientation)
+    L = block_diag(*followed, FLIP, FLIP)
+    return np.asarray(L @ covariance @ L.T + block_diag(*interior, orientation))
 
 
 def _followed(of: Way, to: Way, p: Pinhole, use: Sequence[int] | None) -> tuple[Array, Array, Array]:
@@ -159,15 +161,6 @@ def _followed(of: Way, to: Way, p: Pinhole, use: Sequence[int] | None) -> tuple[
     left = np.sum((of[1](of[0], tangents) - to[1](to[0], tangents)) ** 2)
     interior[np.ix_(chosen, chosen)] = left / len(chosen) * np.linalg.inv(B.T @ B) / np.outer(scale, scale)
     return found, interior, left / 3 * np.linalg.inv(by_turn.T @ by_turn)
-
-
-def _joined(*blocks: Array) -> Array:
-    """Put blocks along the diagonal of a matrix."""
-    ends = np.cumsum([block.shape for block in blocks], axis=0)
-    L = np.zeros(ends[-1])
-    for block, (n, m) in zip(blocks, ends, strict=True):
-        L[n - len(block) : n, m - block.shape[1] : m] = block
-    return L
 
 
 def _derivatives(way: Way, tangents: Array) -> Array:
