@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QEvent, QSize, Qt
+from PySide6.QtCore import QEvent, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
@@ -14,6 +14,7 @@ from stripe_gui.commands import menu_titles, program_actions
 from stripe_gui.pages import PAGES, make_page
 from stripe_gui.pages.page import Page
 from stripe_gui.pages.parts_page import PartsPage
+from stripe_gui.presenters.told import translate
 from stripe_gui.widgets.command_palette import CommandPalette
 from stripe_gui.widgets.help_panel import HelpPanel
 from stripe_gui.widgets.job_bar import JobBar
@@ -21,7 +22,6 @@ from stripe_gui.widgets.notice import NoticeArea
 from stripe_gui.widgets.stage_strip import StageStrip
 from stripe_gui.workbench import Workbench
 
-translate = QCoreApplication.translate
 ROOM_FOR_HELP = 1340  # px: beside the help, the tabs of the calibrate page then still show their whole names in German
 USUAL_SIZE = QSize(1360, 860)
 TITLE_BAR_PX = 40  # what the desktop puts above a window
@@ -82,7 +82,6 @@ class MainWindow(QMainWindow):
         bench = self.bench
         bench.noticed.connect(self.notices.show_notice)
         bench.page_wanted.connect(self.show_page)
-        bench.help_wanted.connect(self._open_help)
         bench.session.project_changed.connect(self._project_changed)
         bench.session.refreshed.connect(self._refreshed)
         bench.jobs.changed.connect(self._jobs_changed)
@@ -269,10 +268,6 @@ class MainWindow(QMainWindow):
         if not self.help.isHidden():
             self.help.show_topic(self.page.stage or self.page.id)
         self.actions_.update()
-
-    def _open_help(self, topic: str) -> None:
-        self._show_help(True)
-        self.help.show_topic(topic)
 
     def _about(self) -> None:
         from importlib.metadata import version

@@ -44,7 +44,6 @@ class Workbench(QObject):
     page_wanted = Signal(str)  # id of a page
     theme_wanted = Signal(str)  # "light", "dark", "system"
     language_wanted = Signal(str)  # "en", "de"
-    help_wanted = Signal(str)  # a help topic
 
     def __init__(self, settings: Settings | None = None, dialogs: Dialogs | None = None) -> None:
         super().__init__()

@@ -13,14 +13,6 @@ from stripe_gui.widgets.layout import row
 from stripe_gui.workbench import Workbench
 
 
-def _nothing() -> None:
-    return None
-
-
-def _nothing_missing() -> str:
-    return ""
-
-
 @dataclass(frozen=True)
 class Part:
     """One part of a page, or step of a wizard."""
@@ -28,9 +20,8 @@ class Part:
     name: str  #: a word for the program: tests and the names of pictures
     title: str  #: as the operator reads it
     body: QWidget
-    enter: Callable[[], None] = _nothing  #: called whenever it comes to the front
-    #: gives what still has to be done before what follows, as a sentence; empty when nothing is
-    missing: Callable[[], str] = _nothing_missing
+    enter: Callable[[], object]  #: called whenever it comes to the front
+    missing: Callable[[], str]  #: gives what still has to be done before what follows, as a sentence; else nothing
 
 
 class PartsPage(Page):
@@ -54,8 +45,8 @@ class PartsPage(Page):
         title: str,
         body: QWidget,
         *,
-        enter: Callable[[], None] = _nothing,
-        missing: Callable[[], str] = _nothing_missing,
+        enter: Callable[[], object] = lambda: None,
+        missing: Callable[[], str] = lambda: "",
     ) -> None:
         self.steps.append(Part(name, title, body, enter, missing))
         made = QToolButton()

@@ -168,12 +168,10 @@ class ImageView(theme.Themed):
         """Show the same part as another view of the same size."""
         self.canvas.box.setRange(other.canvas.box.viewRect(), padding=0)
 
-    def centre_on(self, u: float, v: float, width_px: float | None = None) -> None:
-        """Bring a point to the middle; `width_px` also sets how much of the image is seen."""
+    def centre_on(self, u: float, v: float) -> None:
+        """Bring a point to the middle; the zoom stays."""
         (x0, x1), (y0, y1) = self.canvas.box.viewRange()
-        ratio = (y1 - y0) / ((x1 - x0) or 1.0)
-        wide = width_px or (x1 - x0)
-        self.canvas.box.setRange(QRectF(u - wide / 2, v - wide * ratio / 2, wide, wide * ratio), padding=0)
+        self.canvas.box.translateBy(x=u - (x0 + x1) / 2, y=v - (y0 + y1) / 2)
 
     def add_item(self, item: pg.GraphicsObject) -> None:
         self.canvas.box.addItem(item, ignoreBounds=True)

@@ -60,7 +60,7 @@ def test_every_button_of_every_page_is_on_the_screen_and_speaks_the_language(
         qapp.installEventFilter(shown)
     assert window.open_path(finished)
     if beside == "help beside":
-        window.bench.help_wanted.emit("index")
+        window._show_help(True)
     for i in range(3):
         window.bench.notify("error", f"something happened, number {i}", "do this about it", "Traceback\n" * 30)
     outside, helps = [], set()
@@ -114,7 +114,7 @@ def test_a_notice_moves_nothing(window, bench, project: Path, qtbot) -> None:
 
 def test_the_help_keeps_its_width_and_leaves_the_room_to_the_picture(window, qtbot) -> None:
     window.resize(1360, 860)
-    window.bench.help_wanted.emit("index")
+    window._show_help(True)
     settle()
     narrow = window.help.width(), window.stack.width()
     window.resize(2200, 1200)

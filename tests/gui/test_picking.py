@@ -261,7 +261,8 @@ def test_after_a_crash_every_pick_is_there(operator: Operator, window, qtbot, tm
 
 def test_the_zoom_stays_when_the_image_changes(operator: Operator) -> None:
     page = operator.page
-    page.view.centre_on(100, 80, 90)
+    page.view.canvas.box.scaleBy((0.2, 0.2))
+    page.view.centre_on(100, 80)
     before = page.view.canvas.box.viewRange()
     operator.press(Key.Key_Return)
     operator.press(Key.Key_Return)

@@ -78,8 +78,8 @@ class MarksOverlay:
         self.picks.setPen(pg.mkPen(theme.DARK.ok, width=2, style=style))
         self._number(marks)
 
-    def show_cursor(self, at: tuple[float, float] | None) -> None:
-        self.cursor.setData([at[0]] if at else [], [at[1]] if at else [])
+    def show_cursor(self, at: tuple[float, float]) -> None:
+        self.cursor.setData([at[0]], [at[1]])
 
     def show_chosen(self, at: tuple[float, float] | None) -> None:
         self.chosen.setData([at[0]] if at else [], [at[1]] if at else [])
