@@ -6,20 +6,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QCoreApplication, QUrl
+from PySide6.QtCore import QUrl
 from PySide6.QtGui import QDesktopServices
 
 from stripe_gui import theme
 from stripe_gui.actions import Action, always, project_idle, project_open
 from stripe_gui.jobs import Failure
 from stripe_gui.presenters.stages import STAGES, stage_name
+from stripe_gui.presenters.told import translate
 from stripe_gui.workbench import Workbench
 
 if TYPE_CHECKING:
     from core.model import Testfield
     from core.report.board import Sheet
-
-translate = QCoreApplication.translate
 
 
 def menu_titles() -> dict[str, str]:

@@ -42,13 +42,12 @@ class ReportPage(Page):
         scroll = scrolled(boxed(column(self.signing, self._files_card(), None)), across=False)
         scroll.setFixedWidth(WIDTH)
         self.verdicts = VerdictList()
-        frame, self._sentences = card(self.tr("What it says"))
-        self._sentences.setSpacing(10)
+        self._sentences = column(spacing=10)
+        frame = card(self._sentences, title=self.tr("What it says"), spacing=10)
         self.body.addLayout(row(scroll, scrolled(boxed(column(self.verdicts, frame, None)))), 1)
         self.sentences: list[str] = []
 
     def _files_card(self) -> QWidget:
-        frame, layout = card(self.tr("Files"))
         self.files = label("", wrap=True)
         self.wanted = {
             "report": QCheckBox(self.tr("Report: HTML and PDF")),
@@ -56,11 +55,9 @@ class ReportPage(Page):
             "profiles": QCheckBox(self.tr("Profiles along the line as CSV")),
             "deviations": QCheckBox(self.tr("Deviations of every pixel as CSV")),
         }
-        layout.addWidget(self.files)
         for name, box in self.wanted.items():
             box.setChecked(getattr(Wishes, name))
-            layout.addWidget(box)
-        return frame
+        return card(self.files, *self.wanted.values(), title=self.tr("Files"))
 
     def run(self) -> None:
         self._remember()
@@ -126,7 +123,7 @@ class ReportPage(Page):
             self._fill(sentences)
 
     def _fill(self, sentences: list[str]) -> None:
-        emptied(self._sentences, keep=1)  # the heading
+        emptied(self._sentences)
         for text in sentences or [self.tr("There are no results yet.")]:
             self._sentences.addWidget(label(text, wrap=True))
 

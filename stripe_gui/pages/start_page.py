@@ -37,7 +37,6 @@ class StartPage(Page):
         super().__init__(bench, self.tr("Stripe workbench"), self.tr("From captured stripes to a plane-table report."))
         self._choices = QGridLayout()
         self._choices.setSpacing(16)
-        self._frame, layout = card(self.tr("Recent projects"))
         self.recent = QListWidget()
         self.recent.setAccessibleName(self.tr("Recent projects"))
         self.recent.setItemDelegate(_RecentDelegate(self.recent))
@@ -54,8 +53,7 @@ class StartPage(Page):
             "muted",
             wrap=True,
         )
-        layout.addWidget(self.recent, 1)
-        layout.addWidget(self.nothing)
+        self._frame = card((self.recent, 1), self.nothing, title=self.tr("Recent projects"))
         self.drop = label(self.tr("A project folder can also be dropped onto this window."), "muted")
         self.keys = label(self.tr("Enter opens a project, Delete takes it off the list."), "muted")
         self.body.addLayout(self._choices)
@@ -66,17 +64,13 @@ class StartPage(Page):
 
     def add_action_button(self, action: QAction) -> None:
         """Give an action a card with its shortcut and its explanation."""
-        frame, layout = card()
         made = action_button(action, action.text().rstrip(". …"))
         made.setIconSize(QSize(22, 22))
         made.setMinimumHeight(30)
         keys = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
-        layout.addWidget(made)
         text = label(action.statusTip(), "muted", wrap=True)
         text.setAlignment(Qt.AlignmentFlag.AlignTop)
-        layout.addWidget(text, 1)
-        layout.addWidget(label(keys, "muted"))
-        self._choices.addWidget(frame, 0, self._choices.count())
+        self._choices.addWidget(card(made, (text, 1), label(keys, "muted")), 0, self._choices.count())
 
     def refresh(self) -> None:
         self.recent.clear()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Capture, PlaneEvaluation, StationId, TargetId, Verdict
@@ -17,10 +16,8 @@ from core.report import ReportData, Table, tables
 from core.report.data import warnings_of
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at, options_words, run_title
-from stripe_gui.presenters.told import sentence, told
+from stripe_gui.presenters.told import sentence, told, translate
 from stripe_gui.presenters.work import CalibrateChoice
-
-translate = QCoreApplication.translate
 
 
 @dataclass(frozen=True)

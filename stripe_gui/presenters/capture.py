@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QCoreApplication
 
 from core.lazy import dataclass
 from core.model import Capture, Rig
@@ -15,9 +14,7 @@ from core.pipeline.picking import lit_frame_of
 from core.progress import SILENT, Progress
 from core.project import read_image
 from stripe_gui.presenters.folder import CaptureEntry
-from stripe_gui.presenters.told import sentence, signed, told
-
-translate = QCoreApplication.translate
+from stripe_gui.presenters.told import sentence, signed, told, translate
 
 
 @dataclass(frozen=True)

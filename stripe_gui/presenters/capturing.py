@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication
-
 from core.capture import CaptureReport, capture_status, retake_frame, rigcheck
 from core.devices import Setting, parse_address, with_option
 from core.errors import InputError, StripeError
@@ -22,9 +20,8 @@ from core.progress import SILENT, Progress
 from core.project import read_project
 from stripe_gui.presenters.looking import Rig
 from stripe_gui.presenters.sequences import Shown
-from stripe_gui.presenters.told import told
+from stripe_gui.presenters.told import told, translate
 
-translate = QCoreApplication.translate
 SCENES = ("virtual", "emulated")  # kinds of devices that look at a scene of the virtual bench
 
 

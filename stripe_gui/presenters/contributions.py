@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from PySide6.QtCore import QCoreApplication
-
 from core.errors import InputError
 from core.lazy import dataclass
 from core.measure import measured_view, predicted_view
@@ -13,8 +11,8 @@ from core.model import Capture, DeviceSpec, TargetSet
 from core.pipeline import METHODS
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
+from stripe_gui.presenters.told import translate
 
-translate = QCoreApplication.translate
 PERPENDICULAR_DEG = 10.0  # a board inclined by less counts as seen straight on
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from core.decode import Flag
 from core.model import DeviceSpec, PhaseMap
 from core.report import Number, Table
 from stripe_gui.presenters.folder import Recent
 from stripe_gui.presenters.maps import MapView, percentile, round_up
+from stripe_gui.presenters.told import translate
 
-translate = QCoreApplication.translate
 KINDS = ("u", "v", "modulation", "sigma_u", "sigma_v", "image", "flags")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
 from core.lazy import dataclass
@@ -16,10 +15,9 @@ from core.progress import SILENT, Progress
 from core.report import Number, Table
 from core.report.numbers import DRIFT_ELEMENTS
 from core.report.table import Cell
-from stripe_gui.presenters.told import sentence
+from stripe_gui.presenters.told import sentence, translate
 from stripe_gui.widgets.plot import Curve
 
-translate = QCoreApplication.translate
 SCALE = np.array([scale for *_, scale in DRIFT_ELEMENTS])  # to µrad and µm
 
 

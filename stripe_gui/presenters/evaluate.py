@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from core.evaluate import Profile, points_on_plane, read_profile, share_within
 from core.lazy import dataclass
@@ -18,9 +17,8 @@ from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at
 from stripe_gui.presenters.stages import StageStatus, State
 from stripe_gui.presenters.status import graph_of
-from stripe_gui.presenters.told import signed, told
+from stripe_gui.presenters.told import signed, told, translate
 
-translate = QCoreApplication.translate
 Pair = tuple[float, float]
 NORMAL_SHARES = (68.27, 95.45, 99.73)  # percent of a normal distribution within 1, 2 and 3 sigma
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication
-
 from core.errors import StripeError
 from core.pipeline import failures
 from core.pipeline.failures import StageFailure
 from core.pipeline.graph import Graph
 from core.project import read_project
-from stripe_gui.presenters.told import told
-
-translate = QCoreApplication.translate
+from stripe_gui.presenters.told import told, translate
 
 
 def describe(error: BaseException, trace: str = "") -> StageFailure:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication
-
 from core.capture.importing import ImportReport, frames_in, sequence_beside
 from core.errors import InputError
 from core.lazy import dataclass
@@ -13,9 +11,7 @@ from core.model import DeviceSpec, Project
 from core.patterns import Pattern
 from core.project import read_image
 from stripe_gui.presenters.sequences import sequence_text
-from stripe_gui.presenters.told import sentence
-
-translate = QCoreApplication.translate
+from stripe_gui.presenters.told import sentence, translate
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
 from core.lazy import dataclass
@@ -18,11 +17,10 @@ from core.patterns import SequenceSpec, read_sequence
 from core.project import create_project, nominal_testfield, read_testfield, refuse_used_folder
 from core.project.shapes import check_fields
 from stripe_gui.presenters.rig_view import Cover, RigPlan, presets
+from stripe_gui.presenters.told import translate
 
 if TYPE_CHECKING:
     from core.report.board import Sheet
-
-translate = QCoreApplication.translate
 
 FIELD_FILE, PLATE_FILE = "testfield.csv", "plate.csv"
 LEAST_TARGETS = 4  # that is how many an operator picks

@@ -8,7 +8,6 @@ from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QColor
 
 from core.evaluate import heights
@@ -21,9 +20,9 @@ from stripe_gui.presenters.folder import CaptureEntry, ProjectFolder
 from stripe_gui.presenters.maps import MapView, hill_shade, lit_colours, percentile, round_up
 from stripe_gui.presenters.space import Scene, seen
 from stripe_gui.presenters.status import graph_of
+from stripe_gui.presenters.told import translate
 from stripe_gui.widgets.colours import lookup
 
-translate = QCoreApplication.translate
 KINDS = ("shaded", "height", "depth", "sigma", "space")
 JOINT_KINDS = ("joint-depth", "joint-source", "joint-sight", "joint-sigma")
 PATCHES = ("#2f7fd0", "#e08a1e", "#3aa655", "#c94f8a", "#8a63d2", "#7a7a7a")  # told apart on light and dark

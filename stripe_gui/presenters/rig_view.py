@@ -7,12 +7,9 @@ from __future__ import annotations
 
 from math import asin, atan, degrees, radians, sin, tan
 
-from PySide6.QtCore import QCoreApplication
-
 from core.lazy import dataclass
 from core.model import DeviceSpec
-
-translate = QCoreApplication.translate
+from stripe_gui.presenters.told import translate
 
 LEAST_ANGLE_DEG, MOST_ANGLE_DEG = 10.0, 60.0  # between the axes: below, depth is weak; above, much lies in shadow
 

@@ -6,16 +6,13 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication
-
 from core.model import Method
 from core.pipeline import METHODS, CalibrateOptions
 from core.pipeline.runs import Difference, Run, compare_runs
 from core.report import Number, Table
 from core.report.table import Cell
-from stripe_gui.presenters.told import told
+from stripe_gui.presenters.told import told, translate
 
-translate = QCoreApplication.translate
 KNOWN = ("photogrammetric", "polynomial")  # have columns of their own
 NOTEWORTHY = 1.0  # a difference of so many sigmas is marked
 

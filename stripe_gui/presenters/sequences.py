@@ -6,17 +6,14 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication
-
 from core.errors import InputError
 from core.fields import Fields
 from core.lazy import dataclass
 from core.patterns import PRESETS, Pattern, SequenceSpec, read_sequence, shows_grey
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.capture import pattern_text
-from stripe_gui.presenters.told import sentence, told
+from stripe_gui.presenters.told import sentence, told, translate
 
-translate = QCoreApplication.translate
 CHOICES = {"axes": ("xy", "x", "y"), "code": ("gray", "binary"), "profile": ("sine", "square")}
 USUAL_FRAME_S = 0.1  # as `stripe-core plan-sequence` assumes where nothing was measured
 

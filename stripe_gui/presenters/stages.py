@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from enum import Enum
 
-from PySide6.QtCore import QCoreApplication
-
 from core.lazy import dataclass
+from stripe_gui.presenters.told import translate
 
-translate = QCoreApplication.translate
 STAGES = ("capture", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report")
 
 

@@ -7,11 +7,8 @@ from collections.abc import Iterable
 from datetime import date
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication
-
 from core.lazy import dataclass
-
-translate = QCoreApplication.translate
+from stripe_gui.presenters.told import translate
 
 
 @dataclass(frozen=True)

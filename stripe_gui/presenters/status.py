@@ -9,8 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from PySide6.QtCore import QCoreApplication
-
 from core.model import Method
 from core.pipeline import METHODS
 from core.pipeline.failures import read_failures
@@ -19,10 +17,9 @@ from core.pipeline.states import ProjectStates
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.stages import StageStatus, State
-from stripe_gui.presenters.told import told
+from stripe_gui.presenters.told import told, translate
 
 MOST_CAUSES = 2  # told of many
-translate = QCoreApplication.translate
 _STATES = {"current": State.DONE, "outdated": State.STALE, "absent": State.TODO, "failed": State.FAILED}
 
 

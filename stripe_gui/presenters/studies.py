@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication
-
 from core.model import Rig
 from core.report import Number, Table
 from stripe_gui.presenters.status import device_name
-
-translate = QCoreApplication.translate
+from stripe_gui.presenters.told import translate
 
 
 def left_out_table(found: Sequence[dict[str, Any]], rig: Rig) -> Table:

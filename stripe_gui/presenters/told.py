@@ -10,7 +10,11 @@ import json
 import re
 from functools import lru_cache
 
+from PySide6.QtCore import QCoreApplication
+
 from core.resources import resource
+
+translate = QCoreApplication.translate  # of the window's own texts: context and text
 
 EDGE = " ;:,."  # of a piece: belongs to where it stands
 NAMES = 3  # words at most of what a sentence is of

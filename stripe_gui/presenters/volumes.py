@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication
-
 from core.lazy import dataclass
 from core.model import Array, Project
 from core.pipeline.volumes import difference_figures, volume_figures
@@ -14,8 +12,7 @@ from core.progress import SILENT, Progress
 from core.report import Number, Table
 from core.report.adjusted import image_of_cells
 from stripe_gui.presenters.maps import MapView, percentile, round_up
-
-translate = QCoreApplication.translate
+from stripe_gui.presenters.told import translate
 
 
 @dataclass(frozen=True)

@@ -167,9 +167,7 @@ class CalibrationResults(QWidget):
         self.warned.setVisible(count > 0)
         emptied(self._warnings)
         for text in warnings:
-            frame, inside = card()
-            inside.addWidget(label(f"⚠ {sentence(text)}.", wrap=True))
-            self._warnings.addWidget(frame)
+            self._warnings.addWidget(card(label(f"⚠ {sentence(text)}.", wrap=True)))
         if not warnings:
             self._warnings.addWidget(label(self.tr("Nothing speaks against this calibration."), "muted"))
         self._warnings.addStretch(1)

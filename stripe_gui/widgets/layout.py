@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
-from PySide6.QtCore import QCoreApplication, QSignalBlocker, QSize, Qt
+from PySide6.QtCore import QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QAction
 from PySide6.QtWidgets import (
     QComboBox,
@@ -27,6 +27,7 @@ from PySide6.QtWidgets import (
 )
 
 from stripe_gui.assets import icon
+from stripe_gui.presenters.told import translate
 
 SPACE = 12
 MARGIN = 20
@@ -91,22 +92,21 @@ def tool(icon_name: str, name: str, slot: Callable[[], object]) -> QToolButton:
 def fit_button(slot: Callable[[], object]) -> QPushButton:
     """Give the button that shows the whole image."""
     made = button("", slot, "fit", flat=True)
-    name = QCoreApplication.translate("Layout", "Whole image")
+    name = translate("Layout", "Whole image")
     made.setAccessibleName(name)
     made.setToolTip(name)
     return made
 
 
-def card(title: str = "") -> tuple[QFrame, QVBoxLayout]:
-    """Give a framed surface and the layout to fill."""
+def card(
+    *items: Item, title: str = "", spacing: int = SPACE, margins: tuple[int, int, int, int] = (16, 14, 16, 14)
+) -> QFrame:
+    """Put widgets below each other, as `column` does, on a framed surface."""
     frame = QFrame()
     frame.setProperty("role", "card")
-    layout = QVBoxLayout(frame)
-    layout.setContentsMargins(16, 14, 16, 14)
-    layout.setSpacing(SPACE)
-    if title:
-        layout.addWidget(label(title, "heading"))
-    return frame, layout
+    heading = [label(title, "heading")] if title else []
+    frame.setLayout(column(*heading, *items, spacing=spacing, margins=margins))
+    return frame
 
 
 def row(*items: Item, spacing: int = SPACE) -> QHBoxLayout:
@@ -149,10 +149,10 @@ def scrolled(widget: QWidget, *, across: bool = True) -> QScrollArea:
     return area
 
 
-def emptied(layout: QLayout, *, keep: int = 0) -> None:
-    """Take away the widgets of a layout beyond its first `keep` items."""
-    while layout.count() > keep:
-        item = layout.takeAt(keep)
+def emptied(layout: QLayout) -> None:
+    """Take away the widgets of a layout."""
+    while layout.count():
+        item = layout.takeAt(0)
         widget = item.widget() if item is not None else None
         if widget is not None:
             widget.hide()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from PySide6.QtCore import QCoreApplication, QEvent, QObject, QRectF, QSize, Qt, QTimer
+from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QPainter
 from PySide6.QtWidgets import QFrame, QHBoxLayout, QPlainTextEdit, QStackedWidget, QVBoxLayout, QWidget
 
 from stripe_gui import theme
 from stripe_gui.assets import draw_icon
-from stripe_gui.presenters.told import sentence
+from stripe_gui.presenters.told import sentence, translate
 from stripe_gui.widgets.layout import MARGIN, button, column, label, row, tool
 from stripe_gui.workbench import Notice
 
@@ -94,7 +94,6 @@ class NoticeBox(QFrame):
 
 
 def _word(kind: str) -> str:
-    translate = QCoreApplication.translate
     return {
         "info": translate("NoticeBox", "Note"),
         "success": translate("NoticeBox", "Done"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import QCoreApplication, QRectF
+from PySide6.QtCore import QRectF
 from PySide6.QtGui import QColor, QResizeEvent
 
 from core.report import Number, Table
@@ -13,6 +13,7 @@ from core.report.adjusted import PointSigmas
 from core.report.table import Cell
 from stripe_gui import theme
 from stripe_gui.presenters.maps import percentile, round_up
+from stripe_gui.presenters.told import translate
 from stripe_gui.widgets.colour_bar import ColourBar
 from stripe_gui.widgets.colours import lookup
 from stripe_gui.widgets.image_view import Canvas
@@ -21,8 +22,6 @@ from stripe_gui.widgets.result_table import EMPTY, ResultTable
 
 ROOM_FOR_TABLE = 760
 REACH_PX = 14  # the point nearest to the cursor is told within this distance on the screen
-
-translate = QCoreApplication.translate
 
 
 class PointMap(theme.Themed):

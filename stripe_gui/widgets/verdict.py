@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QWidget
 
 from core.model import Verdict
-from stripe_gui.presenters.told import sentence, told
+from stripe_gui.presenters.told import sentence, told, translate
 from stripe_gui.widgets.layout import column, emptied, label, row
 from stripe_gui.widgets.notice import COLOURS, Sign
 
-translate = QCoreApplication.translate
 KINDS = {"passed": "success", "doubtful": "warning", "failed": "error"}  # of a notice, whose sign and colours it takes
 ORDER = ("failed", "doubtful", "passed")
 

@@ -39,14 +39,12 @@ class FramesStep(QWidget):
         self.choose_button = button(self.tr("Choose…"), self._choose, "folder")
         self.choose_button.setAccessibleName(self.tr("Choose the folder of the images"))
         self.words = label("", wrap=True)
-        frame, inside = card(self.tr("Images"))
-        inside.addWidget(boxed(row(self.folder, self.choose_button, spacing=8)))
-        inside.addWidget(self.words)
+        folder = boxed(row(self.folder, self.choose_button, spacing=8))
         advice = self.tr(
             "All images of one sequence, of the size that the project's camera has. A capture.json beside them says "
             "what each shows. The files stay where they are; the project gets copies."
         )
-        inside.addWidget(label(advice, "muted", wrap=True))
+        frame = card(folder, self.words, label(advice, "muted", wrap=True), title=self.tr("Images"))
         self.setLayout(column(frame, None))
 
     def look(self) -> None:
@@ -75,9 +73,7 @@ class ImportStep(QWidget):
         self.start_button = button(self.tr("Import the frames"), lambda: None, "run", primary=True)
         self.title = label("", "heading")
         self.lines = column(spacing=8)
-        frame, inside = card()
-        inside.addLayout(row(self.title, None, self.start_button))
-        inside.addLayout(self.lines)
+        frame = card(row(self.title, None, self.start_button), self.lines)
         self.findings = FindingList(self.tr("What the checks said"))
         self.findings.hide()
         self.setLayout(column(frame, (self.findings, 3), None))

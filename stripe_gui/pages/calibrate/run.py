@@ -90,11 +90,8 @@ class RunPart(QWidget):
         self.bar = make(QProgressBar, maximum=1000, textVisible=False, accessibleName=said)
         self.state = label(" ", "muted", wrap=True)
         self.convergence = ConvergencePlot()
-        frame, inside = card()
-        inside.addLayout(column(row((self.plan, 1), self.cancel_button), self.bar, self.state))
-        curve, around = card()
-        around.addWidget(self.convergence, 1)
-        self.setLayout(column(frame, (curve, 1)))
+        progress = card(row((self.plan, 1), self.cancel_button), self.bar, self.state)
+        self.setLayout(column(progress, (card((self.convergence, 1)), 1)))
         self._show()
 
     @property

@@ -7,7 +7,6 @@ from dataclasses import field
 from enum import Enum
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from core.errors import InputError
 from core.lazy import dataclass
@@ -18,9 +17,8 @@ from core.report import Number, Table
 from core.report.table import Cell
 from stripe_gui.pages.measure.model import Measurement, Picking, Target
 from stripe_gui.presenters.maps import round_factor
-from stripe_gui.presenters.told import sentence, told
+from stripe_gui.presenters.told import sentence, told, translate
 
-translate = QCoreApplication.translate
 NOTHING = np.zeros((0, 2))
 NO_VALUES: tuple[Cell, ...] = (None,) * 5
 CORNER = 0.3  # of a square's side, circle about its corner

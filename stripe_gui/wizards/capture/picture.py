@@ -71,13 +71,9 @@ class PictureStep(QWidget):
             self.tr("This camera's exposure is set on the camera itself, or by its own program."), "muted", wrap=True
         )
         fit = button(self.tr("Whole image"), self.view.fit, "fit", flat=True)
-        light, inside = card(self.tr("Light"))
-        inside.addWidget(self.light)
-        inside.addLayout(row(self.live, None, fit))
-        figures, inside = card(self.tr("Over-exposed"))
-        for widget in (self.clipped, self.advice, self.brightest, self.exposure_label, self.exposure, self.fixed):
-            inside.addWidget(widget)
-        inside.setSpacing(6)
+        light = card(self.light, row(self.live, None, fit), title=self.tr("Light"))
+        words, setting = (self.clipped, self.advice, self.brightest), (self.exposure_label, self.exposure, self.fixed)
+        figures = card(*words, *setting, title=self.tr("Over-exposed"), spacing=6)
         side = boxed(column(light, figures, None))
         side.setFixedWidth(240)
         self.pose = label("", wrap=True)

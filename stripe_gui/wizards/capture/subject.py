@@ -44,11 +44,7 @@ class SubjectForm(QWidget):
             widget.setAccessibleName(widget.accessibleName() or text)
         for role, title, _ in role_choices():
             self.role.addItem(title, role)
-        questions, inside = card(self.tr("New capture"))
-        inside.addLayout(self.form)
-        inside.addWidget(self.explanation)
-        inside.addStretch(1)
-        self.setLayout(column(questions))
+        self.setLayout(column(card(self.form, self.explanation, None, title=self.tr("New capture"))))
         self.role.currentIndexChanged.connect(self._role_chosen)
         for spin in (self.z, self.angle):
             spin.valueChanged.connect(self._propose)
@@ -136,8 +132,7 @@ class SubjectStep(SubjectForm):
         name = self.tr("Interrupted captures")
         self.interrupted = make(QListWidget, accessibleName=name, wordWrap=True, maximumHeight=130)
         self.interrupted.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.interrupted_card, inside = card(self.tr("Go on with an interrupted capture"))
-        inside.addWidget(self.interrupted)
+        self.interrupted_card = card(self.interrupted, title=self.tr("Go on with an interrupted capture"))
         layout = self.layout()
         assert isinstance(layout, QVBoxLayout)
         layout.addWidget(self.pose)

@@ -141,9 +141,7 @@ class BoardStep(QWidget):
         head = [self.wanted, label(why, "muted", wrap=True)] if why else []
         left = boxed(column(*head, self._form, None, spacing=10))
         left.setFixedWidth(FORM_WIDTH)
-        frame, layout = card()
-        layout.addWidget(self.picture, 1)
-        layout.addWidget(self.words)
+        frame = card((self.picture, 1), self.words)
         self.setLayout(column(row(left, frame, spacing=16), margins=(0, 4, 0, 0)))
 
     def show_plan(self, plan: BoardPlan, wanted: bool = True) -> None:
@@ -256,9 +254,7 @@ class ScaleStep(QWidget):
         about = label(why, "muted", wrap=True)
         left = boxed(column(self.wanted, about, self._form, self.comparison, self._warning, None, spacing=10))
         left.setFixedWidth(FORM_WIDTH)
-        frame, layout = card()
-        layout.addWidget(self.picture, 1)
-        self.setLayout(column(row(left, frame, spacing=16), margins=(0, 4, 0, 0)))
+        self.setLayout(column(row(left, card((self.picture, 1)), spacing=16), margins=(0, 4, 0, 0)))
 
     def _names(self) -> list[str]:
         return [self.tr("From row"), self.tr("From column"), self.tr("To row"), self.tr("To column")]
@@ -313,12 +309,10 @@ class SummaryStep(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        frame, self._layout = card()
-        self._grid = QGridLayout()
-        self._grid.setHorizontalSpacing(24)
-        self._grid.setVerticalSpacing(10)
-        self._grid.setColumnStretch(1, 1)
-        self._layout.addLayout(self._grid)
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(24)
+        grid.setVerticalSpacing(10)
+        grid.setColumnStretch(1, 1)
         titles = {
             "name": self.tr("Name"),
             "folder": self.tr("Folder"),
@@ -331,9 +325,9 @@ class SummaryStep(QWidget):
         }
         self.rows = {name: label("", wrap=True) for name in titles}
         for i, (name, title) in enumerate(titles.items()):
-            self._grid.addWidget(label(title, "muted"), i, 0)
-            self._grid.addWidget(self.rows[name], i, 1)
-        self.setLayout(column(frame, None, margins=(0, 4, 0, 0)))
+            grid.addWidget(label(title, "muted"), i, 0)
+            grid.addWidget(self.rows[name], i, 1)
+        self.setLayout(column(card(grid), None, margins=(0, 4, 0, 0)))
 
     def show_draft(self, draft: Draft, field: BoardView, plate: BoardView) -> None:
         none = self.tr("none")

@@ -37,14 +37,13 @@ class PlaceStep(QWidget):
             field.textChanged.connect(self.changed)
         self.choose_button = button(self.tr("Choose…"), self._choose, "folder")
         self.choose_button.setAccessibleName(self.tr("Choose the folder"))
-        frame, layout = card()
         folder = boxed(row(self.folder, self.choose_button, spacing=8))
-        layout.addLayout(form((self.tr("Name"), self.name), (self.tr("Folder"), folder)))
+        fields = form((self.tr("Name"), self.name), (self.tr("Folder"), folder))
         about = self.tr(
             "A project is a folder: the rig and the boards in small files, every capture in a folder of its "
             "own, and the results. The folder has to be new or empty; it can be moved and copied as a whole."
         )
-        layout.addWidget(label(about, "muted", wrap=True))
+        frame = card(fields, label(about, "muted", wrap=True))
         frame.setFixedWidth(640)
         self.setLayout(column(row(frame, None), None, margins=(0, 4, 0, 0)))
 
@@ -149,10 +148,7 @@ class RigStep(QWidget):
         grid.setColumnStretch(2, 1)
         typed = boxed(column(self.preset, grid, None, spacing=10))
         typed.setFixedWidth(FORM_WIDTH + 40)
-        frame, layout = card()
-        layout.addWidget(self.sketch, 1)
-        layout.addWidget(self.figures)
-        layout.addWidget(self.words)
+        frame = card((self.sketch, 1), self.figures, self.words)
         self.setLayout(column(row(typed, frame, spacing=16), margins=(0, 4, 0, 0)))
 
     def show_rig(self, rig: RigPlan) -> None:
