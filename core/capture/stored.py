@@ -90,19 +90,7 @@ def check_stored(
             ]
     else:
         plan, sampled = _looked_at(capture, images, range(len(images)))
-        named = _plain(plan, sampled)
-        black = [images[f.shots[0]] for f in named if "claims black" in f.text]
-        if black and all(i.min() == 0 and i.max() >= sampled.full for i in images):
-            full = f"{sampled.full:g}"
-            if min(np.count_nonzero(np.bincount(i.ravel())) for i in black) < SPARSE * sampled.full:
-                text = (
-                    f"as all frames reach from 0 to {full}, each was stretched or equalised: write frames as the "
-                    f"camera gives them; else frame {named[0].shots[0]} was exchanged"
-                )
-                named = [Finding("identity", "bad", text, shots=named[0].shots, names="mistake")]
-            else:
-                hint = f", or, as all frames reach from 0 to {full}, each stretched or equalised"
-                named = [replace(f, text=f.text + hint) for f in named]
+        named = _stretched(_plain(plan, sampled), images, sampled.full)
         found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
         checks = {f.check for f in found}
         if "light" not in checks:
@@ -202,6 +190,21 @@ def _plain(plan: Plan, sampled: Sampled) -> list[Finding]:
                 wrong.append((i, f"claims {'white' if level else 'black'} and is {'dark' if level else 'bright'}"))
     told = [(i, f"frame {i} {text}: exchanged or inverted") for i, text in wrong]
     return [Finding("identity", "bad", text, shots=(i,), names="value") for i, text in told]
+
+
+def _stretched(named: list[Finding], images: Sequence[NDArray], full: int) -> list[Finding]:
+    """Say where all frames, bright black ones among them, reach from 0 to `full` that each was stretched by itself."""
+    black = [images[f.shots[0]] for f in named if "claims black" in f.text]
+    if not black or any(i.min() > 0 or i.max() < full for i in images):
+        return named
+    if min(np.count_nonzero(np.bincount(i.ravel())) for i in black) >= SPARSE * full:
+        hint = f", or, as all frames reach from 0 to {full:g}, each stretched or equalised"
+        return [replace(f, text=f.text + hint) for f in named]
+    text = (
+        f"as all frames reach from 0 to {full:g}, each was stretched or equalised: write frames as the camera gives "
+        f"them; else frame {named[0].shots[0]} was exchanged"
+    )
+    return [Finding("identity", "bad", text, shots=named[0].shots, names="mistake")]
 
 
 def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: float = SHARE) -> list[Finding]:

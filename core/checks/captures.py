@@ -70,7 +70,8 @@ def repeated_frames(
     shared: dict[tuple[str, str], list[tuple[Frame, Frame]]] = {}
     for same in places.values():
         lit = [(c, f) for c, f in same if not _dark(f.pattern)]  # one black frame may serve many captures
-        within = [(x, y) for _, own in groupby(lit, lambda held: held[0].path) for x, y in combinations(own, 2)]
+        by_capture = groupby(lit, lambda held: held[0].path)
+        within = [(x, y) for _, held in by_capture for x, y in combinations(held, 2)]
         found = [(x, y) for x, y in within if not _look_alike(x[1], y[1], projectors) and not whole(*x)]
         across = [y for y in lit[1:] if y[0] is not lit[0][0]]  # of many the first is enough
         if across and all(level_of(f.pattern) == 1 and own(c, f) for c, f in (lit[0], *across[:LOOKED_AT])):

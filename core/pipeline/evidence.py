@@ -39,7 +39,7 @@ from core.model import (
     named_by,
     points_at_a_cause,
 )
-from core.numerics import quantile_of
+from core.numerics import quantile_of, spaced
 from core.patterns import axis_of
 from core.pipeline.options import CalibrateOptions
 from core.project import read_capture
@@ -131,9 +131,8 @@ def is_white_of(capture: Capture, frame: Frame) -> bool:
     others = [f for f in capture.frames if axis_of(f.pattern) and taken(f) == taken(frame)]
     if not others:
         return False
-    white, seen = (read_image(f.path).astype(np.float32) for f in (frame, others[0]))
-    for other in others[1 :: max(1, len(others) // LIT_BY)]:
-        seen = np.maximum(seen, read_image(other.path))
+    white = read_image(frame.path).astype(np.float32)
+    seen = np.max([read_image(others[k].path) for k in spaced(len(others), LIT_BY)], axis=0).astype(np.float32)
     lit = seen > quantile_of(seen, 0.97) / 2
     return float(np.mean((seen > BRIGHTER * white + NOISE * seen.max())[lit])) < UNLIKE
 
