@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import json
 import os
-import queue
 import threading
 import time
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from core.patterns import pattern_from_dict, pattern_to_dict
 from core.project import read_capture, read_image, write_image
 from core.project.captures import write_capture_json
 from core.project.images import Image as Pixels
-from core.project.unfinished import TRANSCRIPT, Status, is_intact, transcript, unfinished_status
+from core.project.unfinished import TRANSCRIPT, Status, intact_shots, unfinished_status
 
 Listen = Callable[[dict[str, Any]], None]  # hears every line of the transcript as it is written, in whatever thread
 
@@ -43,52 +43,34 @@ AHEAD = 4  # frames that may wait for the disk: what a power cut can cost beyond
 
 
 class Writer:
-    """Keeps shots in a store, in the order they come, from a thread of its own.
+    """Keeps shots in a store, in the order they come, on a thread of its own.
 
     Nothing may depend on a shot before `wait` has returned. Leaving the context writes what is waiting, whatever the
-    reason for leaving: frames that were taken before a cancellation are there when the capture goes on. Once a frame
-    could not be written, `put` and `wait` raise a StripeError, and the frames after it are given up.
+    reason for leaving: frames that were taken before a cancellation are there when the capture goes on. Where a frame
+    could not be written, `put` or `wait` raises a StripeError.
     """
 
     def __init__(self, store: Store) -> None:
         self.store = store
-        self._waiting: queue.Queue[tuple[int, Image] | None] = queue.Queue(AHEAD)
-        self._failure: BaseException | None = None
-        self._thread = threading.Thread(target=self._run, name="frames to disk", daemon=True)
+        self._thread = ThreadPoolExecutor(1, "frames to disk")
+        self._waiting: deque[Future[Shot]] = deque()
 
     def __enter__(self) -> Writer:
-        self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._waiting.put(None)
-        self._thread.join()
+    def __exit__(self, *_: object) -> None:
+        self._thread.shutdown()
 
     def put(self, planned: int, image: Image) -> None:
         """Hand over a shot; waits while `AHEAD` others wait."""
-        self._check()
-        self._waiting.put((planned, image))
+        while self._waiting and (len(self._waiting) > AHEAD or self._waiting[0].done()):
+            self._waiting.popleft().result()
+        self._waiting.append(self._thread.submit(self.store.keep, planned, image))
 
     def wait(self) -> None:
         """Return once everything handed over is on disk, complete and flushed."""
-        self._waiting.join()
-        self._check()
-
-    def _check(self) -> None:
-        if self._failure is not None:
-            raise self._failure
-
-    def _run(self) -> None:
-        while (item := self._waiting.get()) is not None:
-            try:
-                if self._failure is None:
-                    self.store.keep(*item)
-            except BaseException as error:  # told in the thread that waits for the frame
-                self._failure = error
-            finally:
-                self._waiting.task_done()
+        while self._waiting:
+            self._waiting.popleft().result()
 
 
 def no_listener(entry: dict[str, Any]) -> None:
@@ -222,12 +204,8 @@ def open_store(
     for part in folder.glob(".*.part"):
         part.unlink(missing_ok=True)
     store = Store(folder, plan, listen=listen, ending=ending)
-    store.taken, entries = _numbers(folder), list(transcript(folder))
-    for entry in entries:
-        if entry.get("event") == "shot" and is_intact(folder, entry):
-            store.shots[entry["planned"]] = Shot(entry["planned"], entry["file"], entry["bits"])
-        elif entry.get("event") == "rejected":
-            store.shots.pop(entry.get("planned", -1), None)
+    store.taken = _numbers(folder)
+    store.shots = {planned: Shot(planned, e["file"], e["bits"]) for planned, e in intact_shots(folder).items()}
     with _told(folder / TRANSCRIPT), (folder / TRANSCRIPT).open("ab") as file:
         file.write(b"\n")  # ends a line that a power cut has torn
     store.note("resumed", True, wall=_wall(), guards=len(plan.guards), kept=sorted(store.shots))

@@ -34,14 +34,8 @@ class Status:
 
 def unfinished_status(folder: Path, planned: int) -> Status:
     """Tell from the transcript which of the planned frames are there and whole."""
-    entries = list(transcript(folder))
-    before = next((int(e["guards"]) for e in entries if "guards" in e), 0)
-    have: set[int] = set()
-    for entry in entries:
-        if entry.get("event") == "shot" and is_intact(folder, entry):
-            have.add(entry["planned"] - before)
-        elif entry.get("event") == "rejected":
-            have.discard(entry["planned"] - before)
+    before = next((int(e["guards"]) for e in transcript(folder) if "guards" in e), 0)
+    have = {shot - before for shot in intact_shots(folder)}
     missing = tuple(i for i in range(planned) if i not in have)
     return Status("taking", planned, planned - len(missing), missing)
 
@@ -58,8 +52,19 @@ def transcript(folder: Path) -> Iterator[dict[str, Any]]:
             yield entry
 
 
-def is_intact(folder: Path, entry: dict[str, Any]) -> bool:
-    """Tell whether the frame of a transcript's entry is on the disk as it was written."""
+def intact_shots(folder: Path) -> dict[int, dict[str, Any]]:
+    """Give the transcript's entries, by planned shot, of the frames that are on the disk as they were written."""
+    shots: dict[int, dict[str, Any]] = {}
+    for entry in transcript(folder):
+        if entry.get("event") == "shot" and _is_intact(folder, entry):
+            shots[entry["planned"]] = entry
+        elif entry.get("event") == "rejected":
+            shots.pop(entry.get("planned", -1), None)
+    return shots
+
+
+def _is_intact(folder: Path, entry: dict[str, Any]) -> bool:
+    """Whether an entry's frame is there, and all that tells of it."""
     try:
         pixels = read_image(folder / entry["file"])
         return zlib.crc32(pixels.tobytes()) == entry["crc"] and isinstance(entry["planned"], int) and "bits" in entry

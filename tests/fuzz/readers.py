@@ -25,7 +25,7 @@ from core.project.contents import FILE as CONTENTS
 from core.project.contents import Contents
 from core.project.lock import holder_of, words_of
 from core.project.made import read_made
-from core.project.unfinished import is_intact, transcript
+from core.project.unfinished import intact_shots
 from core.report.seal import verify
 from tests.core.checks.rigs import simulate
 
@@ -126,7 +126,7 @@ def own_records(folder: Path) -> dict[str, Reader]:
         "record": of("results/a.json", record, lambda f: stored_record(f / "results/a.json", {"a.npz": "0" * 64})),
         "holder": of("results/.lock", holder, lambda f: words_of(holder_of(f / "results/.lock") or {})),
         "contents": of(f"results/{CONTENTS}", known, lambda f: Contents(f).of(f / "testfield.csv")),
-        "transcript": of("transcript.jsonl", shot, lambda f: [is_intact(f, entry) for entry in transcript(f)]),
+        "transcript": of("transcript.jsonl", shot, intact_shots),
         "sign-off": of("results/runs/0001/sign-off.json", sign_off, lambda f: load_sign_off(project, ())),
         "seal": Reader("report.html", sealed, lambda f: verify(f / "report.html")),
     }
