@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from itertools import chain
-from typing import Any, Protocol
+from typing import Any, Literal
 
 from core.errors import InputError
 from core.lazy import dataclass
@@ -24,7 +24,7 @@ _STEPS = r"((?:[-+*&]\d+|[/%]0*[1-9]\d*)*)"
 CALCULATED = re.compile(rf"(\w+){_STEPS}")  # a field and steps of calculation
 _FIELD = re.compile(rf"\{{{CALCULATED.pattern}(?::([\w.]+))?\}}")
 _NUMBER = re.compile(r"\d{0,3}(?:\.\d)?[dxXfg]")
-_WIDTH = re.compile(r"u(?:8|16|24|32)(?:le)?")
+_WIDTH = re.compile(r"u(8|16|24|32)(le)?")
 _TOKEN = re.compile(r"'[^']*'|\||[^\s|]+")
 _DEFAULTS = {"check": "04X", "lines": "hex", "column_lines": "hex", "row_lines": "hex"}  # formats in text
 _TEXTS = ("plate", "axis", "kind", "profile")
@@ -38,43 +38,6 @@ _OPERATIONS = {
 }
 
 
-class Template(Protocol):
-    """A command or an answer with fields."""
-
-    @property
-    def text(self) -> str:
-        """As the profile has it."""
-        ...
-
-    @property
-    def words(self) -> Words:
-        """What stands for values of the fields."""
-        ...
-
-    @property
-    def fields(self) -> tuple[str, ...]:
-        """Names of the fields, in their order."""
-        ...
-
-    @property
-    def sizes(self) -> tuple[int | None, int | None]:
-        """Bytes of the head and of the body; None where the length is not fixed."""
-        ...
-
-    @property
-    def fixed(self) -> tuple[int | None, ...]:
-        """The bytes that are always the same, None for others; nothing for text."""
-        ...
-
-    def fill(self, values: Values) -> bytes:
-        """Write the values in; ValueError names one for which its field has no room."""
-        ...
-
-    def match(self, body: bytes) -> dict[str, Value] | None:
-        """Read the values from a body; None if it is of another form."""
-        ...
-
-
 @dataclass(frozen=True)
 class Field:
     """A field: its name, the steps of its calculation, its format, and the words for its values."""
@@ -83,6 +46,12 @@ class Field:
     steps: str
     form: str
     words: Mapping[str, Value]
+
+    @property
+    def binary(self) -> tuple[int, Literal["big", "little"]] | None:
+        """How many bytes a number takes, and their order; None where it is written in digits."""
+        found = _WIDTH.fullmatch(self.form)
+        return (int(found[1]) // 8, "little" if found[2] else "big") if found else None
 
     @property
     def free(self) -> bool:
@@ -96,9 +65,8 @@ class Field:
         try:
             if isinstance(value, bytes):
                 return value
-            if _WIDTH.fullmatch(self.form):
-                size, order = self.form.removeprefix("u").removesuffix("le"), "little" if "le" in self.form else "big"
-                return round(float(value)).to_bytes(int(size) // 8, order)  # type: ignore[arg-type]
+            if self.binary:
+                return round(float(value)).to_bytes(*self.binary)
             text = _as_text(value, self.form)
             if len(text) <= _digits(self.form):
                 return text
@@ -132,7 +100,46 @@ def calculated(expression: str, values: Values) -> Any:
 
 
 @dataclass(frozen=True)
-class TextTemplate:
+class Template:
+    """A command or an answer with fields, of either kind."""
+
+    text: str  #: as the profile has it
+    words: Words = field(default_factory=dict)  #: what stands for values of the fields
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the fields, in their order."""
+        return tuple(f.name for f in self.read_fields())
+
+    @property
+    def sizes(self) -> tuple[int | None, int | None]:
+        """Bytes of the head and of the body; None where the length is not fixed."""
+        return 0, None
+
+    @property
+    def fixed(self) -> tuple[int | None, ...]:
+        """The bytes that are always the same, None for others; nothing for text."""
+        return ()
+
+    def read_fields(self) -> list[Field]:
+        """Read the fields from the text."""
+        return [self._field(m) for m in _FIELD.finditer(self.text)]
+
+    def _field(self, m: re.Match[str]) -> Field:
+        """Make a field of what `_FIELD` found."""
+        return Field(m[1], m[2], m[3] or "", self.words.get(m[1], {}))
+
+    def fill(self, values: Values) -> bytes:
+        """Write the values in; ValueError names one for which its field has no room."""
+        raise NotImplementedError
+
+    def match(self, body: bytes) -> dict[str, Value] | None:
+        """Read the values from a body; None if it is of another form."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class TextTemplate(Template):
     """A line of text.
 
     Examples
@@ -144,26 +151,9 @@ class TextTemplate:
     {'tag': 8, 'slot': 12}
     """
 
-    text: str
-    words: Words = field(default_factory=dict)
-
-    @property
-    def fields(self) -> tuple[str, ...]:
-        return tuple(m[1] for m in _FIELD.finditer(self.text))
-
-    @property
-    def sizes(self) -> tuple[int | None, int | None]:
-        """Not fixed."""
-        return 0, None
-
-    @property
-    def fixed(self) -> tuple[int | None, ...]:
-        return ()
-
     def _field(self, m: re.Match[str]) -> Field:
-        name, words = m[1], self.words.get(m[1], {})
-        form = m[3] or _DEFAULTS.get(name) or ("s" if name in _TEXTS or words else "")
-        return Field(name, m[2], form, words)
+        form = m[3] or _DEFAULTS.get(m[1]) or ("s" if m[1] in _TEXTS or self.words.get(m[1]) else "")
+        return replace(super()._field(m), form=form)
 
     def fill(self, values: Values) -> bytes:
         """Write the values in; bytes are written in hexadecimal."""
@@ -187,7 +177,7 @@ class TextTemplate:
 
 
 @dataclass(frozen=True)
-class ByteTemplate:
+class ByteTemplate(Template):
     """Bytes.
 
     Examples
@@ -199,13 +189,8 @@ class ByteTemplate:
     {'tag': 7, 'slot': 259}
     """
 
-    text: str
-    lengths: Mapping[str, int | None]  # of fields without a width; None: all that is left
-    words: Words = field(default_factory=dict)
-
-    @property
-    def fields(self) -> tuple[str, ...]:
-        return tuple(m[1] for m in _FIELD.finditer(self.text))
+    #: bytes of fields without a width; None: all that is left
+    lengths: Mapping[str, int | None] = field(default_factory=dict)
 
     @property
     def sizes(self) -> tuple[int | None, int | None]:
@@ -226,15 +211,15 @@ class ByteTemplate:
         for token in chain(*_head_and_body(self.text)) if written is None else written:
             m = _FIELD.fullmatch(token)
             if m is not None:
-                tokens.append(Field(m[1], m[2], m[3] or "", self.words.get(m[1], {})))
+                tokens.append(self._field(m))
             else:
                 tokens.append(token[1:-1].encode("ascii") if token[0] == "'" else bytes.fromhex(token))
         return tokens
 
     def _width(self, f: Field) -> int | None:
         """Bytes of a field; None: all that is left."""
-        if _WIDTH.fullmatch(f.form):
-            return int(f.form.removeprefix("u").removesuffix("le")) // 8
+        if f.binary:
+            return f.binary[0]
         if f.form:
             return _digits(f.form, 1)
         return self.lengths.get(f.name)
@@ -256,8 +241,8 @@ class ByteTemplate:
             if isinstance(token, bytes):
                 continue
             value: Value = part
-            if _WIDTH.fullmatch(token.form):
-                value = int.from_bytes(part, "little" if token.form.endswith("le") else "big")
+            if token.binary:
+                value = int.from_bytes(part, token.binary[1])
             elif token.form:
                 text = part.decode("ascii", "replace")
                 if not re.fullmatch(_pattern(token), text):
@@ -301,7 +286,7 @@ def make_template(
             )
         if one is not None and not one[3] and one[1] not in (*lengths, "text"):
             raise InputError(where, f"field {token!r}", f"give its width, as in {{{one[1]}:u8}}")
-    return ByteTemplate(text, lengths, words or {})
+    return ByteTemplate(text, words or {}, lengths)
 
 
 def _head_and_body(text: str) -> tuple[list[str], list[str]]:
@@ -320,9 +305,9 @@ def _digits(form: str, default: int = 1000) -> int:
 def no_room(template: Template, values: Values) -> str | None:
     """Say for which of some values a template has no room; None where it has, and for fields without a value."""
     try:
-        for m in _FIELD.finditer(template.text):
-            if m[1] in values:
-                Field(m[1], m[2], m[3] or "", template.words.get(m[1], {})).written(values)
+        for f in template.read_fields():
+            if f.name in values:
+                f.written(values)
     except ValueError as error:
         return str(error)
     return None
@@ -330,13 +315,12 @@ def no_room(template: Template, values: Values) -> str | None:
 
 def reads_text(template: Template, name: str) -> bool:
     """Tell whether a field is read as text, and not as a number."""
-    forms = [m[3] or "" for m in _FIELD.finditer(template.text) if m[1] == name]
-    return any(form == "s" or (not form and (name in (*_TEXTS, "text") or name[0] == "_")) for form in forms)
+    return any(f.form == "s" or f.free for f in template.read_fields() if f.name == name)
 
 
 def raw(template: Template) -> bool:
     """Tell whether a template of bytes has a field whose bytes may be any."""
-    return any(_WIDTH.fullmatch(m[3] or "u8") for m in _FIELD.finditer(template.text) if m[1] != "text")
+    return any(f.binary or not f.form for f in template.read_fields() if f.name != "text")
 
 
 def room_of(template: Template, name: str) -> int | None:
@@ -347,13 +331,13 @@ def room_of(template: Template, name: str) -> int | None:
     >>> room_of(TextTemplate("{tag:02d} SHOW {slot}"), "tag")
     99
     """
-    for m in _FIELD.finditer(template.text):
-        digits, form = re.fullmatch(r"(\d+)([dxX])", m[3] or ""), m[3] or ""
-        if (m[1], m[2]) != (name, "") or not (digits or _WIDTH.fullmatch(form)):
+    for f in template.read_fields():
+        if (f.name, f.steps) != (name, ""):
             continue
-        if digits:
+        if f.binary:
+            return int(256 ** f.binary[0]) - 1
+        if digits := re.fullmatch(r"(\d+)([dxX])", f.form):
             return int((10 if digits[2] == "d" else 16) ** int(digits[1])) - 1
-        return int(2 ** int(form.removeprefix("u").removesuffix("le"))) - 1
     return None
 
 
