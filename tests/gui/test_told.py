@@ -26,6 +26,14 @@ calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/* measure/
 capture/fitness capture/stored capture/pixels capture/quality capture/identity capture/mistakes capture/preflight
 report/words report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
 """
+REFUSING = """
+atomic fields project/archive project/boards project/captures project/images project/lock project/made project/rigs
+patterns/* patterns/kinds/* capture/* decode/* measure/board measure/identify measure/picks measure/targets measure/view
+calibrate/depth calibrate/photogrammetric evaluate/planes evaluate/profile reconstruct/* reconstruct/export/*
+pipeline/calibrate pipeline/capture pipeline/decode pipeline/evaluate pipeline/folders pipeline/measure pipeline/orient
+pipeline/picking pipeline/planning pipeline/reconstruct pipeline/runs pipeline/sequences pipeline/signing
+pipeline/tables pipeline/testfield pipeline/views report/board
+"""
 # calls that show no reason
 REFUSED = re.compile(r"Error$|^(_refuse|progress|picked|re\.compile|getLogger)|warning$|\.over$|\.part$")
 NOT_TOLD = {
@@ -38,6 +46,8 @@ NOT_TOLD = {
     # pieces of what is translated as a whole
     "{} has the same targets as {}, to half of their sigma: one capture measured ",
     "{}twice; take one out",
+    *(", or ", "give at least {} to tell place, light and offset"),
+    *("the capture was seen by one camera alone", "leave it out"),
     *("claims black", "claims {} and is {}"),
     " the same{}: correct exposure_ms in capture.json, or put the frames in order",
 }
@@ -100,6 +110,20 @@ def test_every_sentence_has_a_translation(german: None) -> None:
         filled = text.replace("{}", "7")
         if text not in known and told(filled) == filled:
             left.append(f"{file}: {text}")
+    assert not left, "\n".join(left) + "translate these in resources/translations/core_de.json"
+
+
+def test_every_refusal_of_what_the_window_reads_and_does_has_a_translation(german: None) -> None:
+    """Those of readers, of picks and of `patterns` stood in English in its messages."""
+    root, left = Path(core.__file__).parent, []
+    for file in (file for room in REFUSING.split() for file in sorted(root.glob(f"{room}.py"))):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("InputError", "StripeError", "BusyError"):
+                for text in (text for part in node.args[1:] for text in sentences(part)):
+                    filled = text.replace("{}", "7")
+                    spoken = " " in text.strip(" {}") and re.search("[a-z]{2}", text.replace("{}", ""))
+                    if spoken and text not in NOT_TOLD and told(filled) == filled:
+                        left.append(f"{file.relative_to(root)}: {text}")
     assert not left, "\n".join(left) + "translate these in resources/translations/core_de.json"
 
 
