@@ -13,6 +13,7 @@ import os
 import threading
 import time
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -140,17 +141,12 @@ class Look:
         self._hashes |= self._contents.learn(paths)
 
 
-_open: dict[str, Contents] = {}
+_opened = lru_cache(maxsize=8)(Contents)
 
 
 def contents_of(folder: Path) -> Contents:
     """Give the hashes of a project, read once in a process."""
-    key = str(Path(folder).absolute())
-    if key not in _open:
-        _open[key] = Contents(Path(folder))
-        while len(_open) > 8:
-            del _open[next(iter(_open))]
-    return _open[key]
+    return _opened(Path(folder).absolute())
 
 
 def hash_file(path: Path | str) -> str | None:

@@ -38,16 +38,15 @@ except ImportError:
 RESULTS_LOCK = ".lock"  # in results/
 DOCUMENT_LOCK = ".project.lock"  # beside project.json
 _WITHOUT = {getattr(errno, name) for name in ("ENOLCK", "EOPNOTSUPP", "ENOSYS", "EINVAL") if hasattr(errno, name)}
-_held: dict[str, tuple[int, int]] = {}  # by path: the thread that has it, and how many times
-_guard = threading.Lock()
-_handles: set[int] = set()  # of the files that are locked
+_threads: dict[str, threading.RLock] = {}  # by path: which thread of this process may have it
+_handles: dict[str, int] = {}  # by path: the files that are locked
 
 
 def _let_go() -> None:
     """Close the locks in a copy of this process, which would hold them if it lived longer."""
     while _handles:
         with suppress(OSError):
-            os.close(_handles.pop())
+            os.close(_handles.popitem()[1])
 
 
 if hasattr(os, "register_at_fork"):
@@ -84,36 +83,27 @@ def writing_results(folder: Path, work: str) -> Iterator[None]:
 @contextmanager
 def lock(path: Path, work: str, wait_s: float = 0.0) -> Iterator[None]:
     """Hold a lock file, waiting for it if need be; it is gone afterwards."""
-    key, me, until = os.path.realpath(path), threading.get_ident(), time.monotonic() + wait_s
-    while True:
-        with _guard:
-            holder, times = _held.get(key, (me, 0))
-            if holder == me:
-                _held[key] = me, times + 1
-                break
-        if time.monotonic() > until:
-            raise _busy(path, {**_who(work), "program": "another task of this program"})
-        time.sleep(0.02)
-    handle = -1
+    key, until = os.path.realpath(path), time.monotonic() + wait_s
+    mine = _threads.setdefault(key, threading.RLock())
+    if not mine.acquire(timeout=wait_s):
+        raise _busy(path, {**_who(work), "program": "another task of this program"})
     try:
-        if times == 0:
-            handle = _take(path, work, until)
-            _handles.add(handle)
-        yield
-    finally:
-        if handle >= 0:
-            _handles.discard(handle)
+        if key in _handles:  # a nested call
+            yield
+            return
+        handle = _handles[key] = _take(path, work, until)
+        try:
+            yield
+        finally:
+            _handles.pop(key, None)
             _release(path, handle)
-        with _guard:
-            if times:
-                _held[key] = me, times
-            else:
-                _held.pop(key, None)
+    finally:
+        mine.release()
 
 
 def holder_of(path: Path) -> dict[str, Any] | None:
     """Tell who holds a lock; None where nobody does, whatever was left behind."""
-    if os.path.realpath(path) in _held:
+    if os.path.realpath(path) in _handles:
         return _read(path)
     try:
         handle = os.open(path, os.O_RDONLY)
