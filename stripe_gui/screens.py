@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import Any
 
@@ -144,7 +145,7 @@ class PatternWindow(QWidget):
 class Courier(QObject):
     """Has functions called in the thread it was made in, and waits for their results."""
 
-    _sent = Signal(object)
+    _sent = Signal(object, object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -159,28 +160,19 @@ class Courier(QObject):
         """Call a function over there; DeviceError if the program's thread does not answer."""
         if self.at_home:
             return function()
-        done = threading.Event()
-        result: list[Any] = []
-
-        def carry() -> None:
-            try:
-                result.append((function(), None))
-            except Exception as error:  # handed over to whoever asked
-                result.append((None, error))
-            done.set()
-
-        self._sent.emit(carry)
-        if not done.wait(PATIENCE_S):
+        answer: Future[Any] = Future()
+        self._sent.emit(function, answer)
+        if not wait([answer], PATIENCE_S).done:
             raise DeviceError(
                 "screen", f"the window does not answer within {PATIENCE_S:g} s", "start the program again"
             )
-        value, error = result[0]
-        if error is not None:
-            raise error
-        return value
+        return answer.result()
 
-    def _deliver(self, carry: Callable[[], None]) -> None:
-        carry()
+    def _deliver(self, function: Callable[[], Any], answer: Future[Any]) -> None:
+        try:
+            answer.set_result(function())
+        except Exception as error:  # handed over to whoever asked
+            answer.set_exception(error)
 
 
 class ScreenSurface:
