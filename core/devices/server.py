@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import heapq
 import os
+import sched
 import select
 import socket
 import tempfile
@@ -12,7 +12,6 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 from core.devices.emulator import Emulator, HangUp
 from core.devices.faults import Faults
@@ -23,22 +22,7 @@ from core.devices.virtual import Stage
 from core.errors import InputError
 
 DEAD_S = 0.05  # how long the line stays away after a hang-up
-
-
-class _Line(Protocol):
-    """One kind of line: bytes in, bytes out, cut and restored."""
-
-    url: str
-
-    def receive(self, wait_s: float) -> bytes: ...
-
-    def send(self, data: bytes) -> None: ...
-
-    def cut(self) -> None: ...
-
-    def restore(self) -> None: ...
-
-    def close(self) -> None: ...
+_GRAIN_S = 0.02  # of waiting for bytes
 
 
 class _Pty:
@@ -104,7 +88,7 @@ class _Socket:
         except OSError:
             data = b""
         if not data:
-            self._drop()
+            self.cut()
         return data
 
     def send(self, data: bytes) -> None:
@@ -112,19 +96,16 @@ class _Socket:
             try:
                 self._host.sendall(data)
             except OSError:
-                self._drop()
+                self.cut()
 
     def cut(self) -> None:
-        self._drop()
-
-    def close(self) -> None:
-        self._drop()
-        self._listener.close()
-
-    def _drop(self) -> None:
         if self._host is not None:
             self._host.close()
             self._host = None
+
+    def close(self) -> None:
+        self.cut()
+        self._listener.close()
 
 
 class EmulatedLine:
@@ -134,7 +115,7 @@ class EmulatedLine:
         if kind == "pty" and not hasattr(os, "openpty"):
             raise InputError("line", "no pseudo-terminals on this system", "use line=socket")
         self.emulator = emulator
-        self._line: _Line = _Pty() if kind == "pty" else _Socket()
+        self._line = _Pty() if kind == "pty" else _Socket()
         self.url = self._line.url
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="emulated projector", daemon=True)
@@ -148,25 +129,20 @@ class EmulatedLine:
             self._line.close()
 
     def _serve(self) -> None:
-        waiting: list[tuple[float, int, bytes]] = []
-        number, last = 0, time.monotonic()
+        waiting, last = sched.scheduler(), time.monotonic()
         while not self._end.is_set():
-            now = time.monotonic()
-            while waiting and waiting[0][0] <= now:
-                self._line.send(heapq.heappop(waiting)[2])
-            wait = min(0.02, max(0.0, waiting[0][0] - now)) if waiting else 0.02
-            data = self._line.receive(wait)
+            next_s = waiting.run(blocking=False)
+            data = self._line.receive(_GRAIN_S if next_s is None else min(_GRAIN_S, next_s))
             if not data:
-                if time.monotonic() - last > 0.02:
+                if time.monotonic() - last > _GRAIN_S:
                     self.emulator.gap()
                 continue
             last = time.monotonic()
             try:
-                for delay, answer in self.emulator.feed(data):
-                    number += 1
-                    heapq.heappush(waiting, (last + delay, number, answer))
+                for delay_s, answer in self.emulator.feed(data):
+                    waiting.enter(delay_s, 0, self._line.send, (answer,))
             except HangUp:
-                waiting.clear()
+                waiting = sched.scheduler()
                 self._line.cut()
                 self._end.wait(DEAD_S)
                 self._line.restore()
