@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
 from core.devices.address import Address, parse_address, with_option
@@ -56,10 +56,7 @@ def open_projector(url: str, note: Note = no_note, check: Check = no_check) -> P
     DeviceError
         If the device does not answer.
     """
-    address = parse_address(url)
-    if address.kind not in PROJECTOR_KINDS:
-        raise _unknown(address, "projector", PROJECTOR_KINDS)
-    return PROJECTOR_KINDS[address.kind].open(address, note, check)
+    return _open(url, "projector", PROJECTOR_KINDS, note, check)
 
 
 def open_camera(url: str, note: Note = no_note, name: str = "") -> Camera:
@@ -67,10 +64,7 @@ def open_camera(url: str, note: Note = no_note, name: str = "") -> Camera:
 
     Of several it says by its `name` in the rig which has failed.
     """
-    address = parse_address(url)
-    if address.kind not in CAMERA_KINDS:
-        raise _unknown(address, "camera", CAMERA_KINDS)
-    camera = CAMERA_KINDS[address.kind].open(address, note, no_check)
+    camera = _open(url, "camera", CAMERA_KINDS, note, no_check)
     if name:
         camera.name = f"{name}, {camera.name}"
     return camera
@@ -258,9 +252,12 @@ def _scene(address: Address, seed: int) -> Scene:
     return bench_scene(address, seed)
 
 
-def _unknown(address: Address, what: str, kinds: Mapping[str, DeviceKind[Any]]) -> InputError:
-    known = "; ".join(kind.text for kind in kinds.values())
-    return InputError(address.url, f"no {what} of kind {address.kind!r}", f"use {known}")
+def _open(url: str, what: str, kinds: Mapping[str, DeviceKind[Device]], note: Note, check: Check) -> Device:
+    address = parse_address(url)
+    if address.kind not in kinds:
+        known = "; ".join(kind.text for kind in kinds.values())
+        raise InputError(url, f"no {what} of kind {address.kind!r}", f"use {known}")
+    return kinds[address.kind].open(address, note, check)
 
 
 PROJECTOR_KINDS: dict[str, DeviceKind[Projector]] = {
