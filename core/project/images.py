@@ -31,9 +31,10 @@ Image = NDArray[Any]  # (H, W), uint8 or uint16
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 # half the time of OpenCV's own filter, which tries several on every row, and no more bytes on stripe images
-_PNG_OPTIONS = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
-if hasattr(cv2, "IMWRITE_PNG_FILTER"):  # OpenCV 4.12 and later
-    _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
+_PNG_OPTIONS = [
+    *(cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP),
+    *(cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE),
+]
 _AGAIN = "record or copy this frame again"
 
 _JPEG, _EXIF = b"\xff\xd8", b"eXIf"

@@ -151,7 +151,7 @@ def _open(path: Path) -> int:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
+            return os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         except PermissionError as refused:
             try:
                 return os.open(path, os.O_RDONLY)  # another user's: it can be locked all the same
