@@ -65,11 +65,10 @@ def dimensions(xyz_mm: Array) -> int:
 
 
 def _views_of(network: Network) -> Views:
-    device_of = np.array(network.station_device)[network.observation_station]
     tangents = np.full_like(network.observation_uv, np.nan)
-    for name, device in network.devices.items():
-        own, interior = device_of == name, nominal(device.spec)
-        tangents[own] = undistort(interior, pixel_to_image(device.spec, network.observation_uv[own])) / interior.c_mm
+    for name, own in network.made_by.items():
+        spec, interior = network.devices[name].spec, nominal(network.devices[name].spec)
+        tangents[own] = undistort(interior, pixel_to_image(spec, network.observation_uv[own])) / interior.c_mm
     views = {}
     for station in distinct(network.observation_station).tolist():
         rows = np.flatnonzero((network.observation_station == station) & np.isfinite(tangents).all(axis=1))

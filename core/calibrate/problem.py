@@ -157,10 +157,9 @@ def movements(xyz: Array) -> Array:
 def never_observed(network: Network) -> dict[str, str]:
     """Devices of which one coordinate was observed nowhere, with that coordinate, "u" or "v"."""
     seen = np.isfinite(network.observation_uv)
-    owner = np.array(network.station_device)[network.observation_station]
     result = {}
-    for name in network.devices:
-        own = seen[owner == name]
+    for name, made in network.made_by.items():
+        own = seen[made]
         if len(own) and not own.any(axis=0).all():
             result[name] = "v" if own[:, 0].any() else "u"
     return result

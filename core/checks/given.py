@@ -41,10 +41,8 @@ def given_concerns(adjustment: Adjustment, anew: Callable[[Network, bool], Adjus
 def _outside(adjustment: Adjustment) -> Iterator[str]:
     """Find observations that lie beyond the image of their device."""
     network = adjustment.network
-    device = np.array(network.station_device)[network.observation_station]
-    for name, (spec, uv) in {
-        n: (d.spec, network.observation_uv[device == n]) for n, d in network.devices.items()
-    }.items():
+    for name, own in network.made_by.items():
+        spec, uv = network.devices[name].spec, network.observation_uv[own]
         size = np.array([spec.width, spec.height])
         beyond = np.any((uv < -OUTSIDE * size) | (uv > (1 + OUTSIDE) * size), axis=1)
         if beyond.any():

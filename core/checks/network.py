@@ -81,12 +81,10 @@ def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:
     It is the one estimated, which knows what observations have in common, where one was.
     """
     network = adjustment.network
-    device = np.array(network.station_device)[network.observation_station]
     squares = (adjustment.residuals / network.observation_sigma) ** 2
     estimated = any(factor != 1 for factor in adjustment.variance_factors.values())
     result = {}
-    for name in adjustment.devices:
-        own = device == name
+    for name, own in network.made_by.items():
         redundancy = float(np.nansum(adjustment.redundancy_numbers[own]))
         if redundancy > 1:
             by_residuals = float(np.nansum(squares[own])) / redundancy
@@ -162,12 +160,11 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
     """
     network, concerns = adjustment.network, []
     beyond = {name for name, (factor, redundancy) in factors(adjustment).items() if factor > _critical(redundancy)}
-    device = np.array(network.station_device)[network.observation_station]
     w = adjustment.residuals / network.observation_sigma
-    for name in adjustment.devices:
+    for name, made in network.made_by.items():
         products: list[Array] = []
         squares: list[Array] = []
-        for station in distinct(network.observation_station[device == name]):
+        for station in distinct(network.observation_station[made]):
             own = np.flatnonzero(network.observation_station == station)
             own = own[np.isfinite(w[own]).all(axis=1)]
             if len(own) < 8:
@@ -184,7 +181,7 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
         agreement = float(np.sum(np.clip(product[use], -limit, limit)) / max(float(np.sum(square[use])), 1e-12))
         significant = agreement * np.sqrt(np.count_nonzero(use) / 2) > 3.1  # mutual neighbours count twice
         if agreement > AGREEING and significant:
-            rms = float(np.sqrt(agreement * np.nanmean(adjustment.residuals[device == name] ** 2)))
+            rms = float(np.sqrt(agreement * np.nanmean(adjustment.residuals[made] ** 2)))
             text = (
                 f"{name}: residuals are systematic, {agreement:.0%} of their variance is common to neighbouring points "
                 f"(about {rms:.2g} px or lines): a wrong lens model, a moved device, a board that bends or wrong "

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+
 from core.lazy import dataclass
 from core.model.arrays import Array, Ints
 from core.model.rig import DeviceSpec
@@ -79,6 +82,12 @@ class Network:
     station_ids: tuple[StationId, ...] = ()  # of every station, where they are captures of a project
     point_ids: tuple[TargetId, ...] = ()  # of every point, where they are targets of a testfield
     point_sigma_mm: Array | None = None  # (n, 3) of points known before: 0 held, infinite not known; None for no point
+
+    @property
+    def made_by(self) -> dict[str, NDArray[np.bool_]]:
+        """For each device which observations it made, (m,)."""
+        device = np.array(self.station_device)[self.observation_station]
+        return {name: device == name for name in self.devices}
 
     @property
     def bases(self) -> dict[str, str]:

@@ -45,11 +45,10 @@ def image_of_cells(cells: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
 def coverage(adjustment: Adjustment) -> tuple[Coverage, ...]:
     """Count every device's image points over its image; points seen in one coordinate only have no place there."""
     network = adjustment.network
-    device_of = np.array(network.station_device)[network.observation_station]
     found = []
-    for name, device in network.devices.items():
-        uv = network.observation_uv[device_of == name]
-        size = device.spec.width, device.spec.height
+    for name, own in network.made_by.items():
+        uv, spec = network.observation_uv[own], network.devices[name].spec
+        size = spec.width, spec.height
         found.append(covered(name, size, uv[np.isfinite(uv).all(axis=1)]))
     return tuple(found)
 

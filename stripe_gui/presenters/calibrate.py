@@ -119,13 +119,11 @@ def restore_targets(capture: Capture, *targets: tuple[int, int]) -> None:
 def residual_sets(adjustment: Adjustment) -> tuple[DeviceResiduals, ...]:
     """Sort an adjustment's residuals by device."""
     network = adjustment.network
-    device_of = np.array(network.station_device)[network.observation_station]
     stations = np.array(network.station_names)[network.observation_station]
     points = np.array(network.point_names)[network.observation_point]
     found = []
-    for name, device in network.devices.items():
-        rows = np.flatnonzero(device_of == name)
-        spec = device.spec
+    for name, own in network.made_by.items():
+        rows, spec = np.flatnonzero(own), network.devices[name].spec
         found.append(
             DeviceResiduals(
                 name,
