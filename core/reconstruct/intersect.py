@@ -42,39 +42,32 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
     """
     pair = pair_for(phase, calibration)
     system = prepare(pair)
-    lead, other = _axes(phase, system)
+    axes = _axes(phase, system)
     # as they lie in memory: views would have the kernel compiled anew
     u, sigma_u, v, sigma_v = map(np.ascontiguousarray, (phase.u, phase.sigma_u, phase.v, phase.sigma_v))
     coordinates = {"u": (u, sigma_u, system.line_u), "v": (v, sigma_v, system.line_v)}
-    first, first_sigma, first_line = coordinates[lead]
-    second, second_sigma, second_line = coordinates[other or lead]
-    height, width = first.shape
+    first, second = coordinates[axes[0]], coordinates["v" if axes[0] == "u" else "u"]
+    height, width = u.shape
     xyz = np.empty((height, width, 3), np.float32)
     sigma = np.empty((height, width, 3), np.float32)
     sigma_depth = np.empty((height, width), np.float32)
-    table = sigma_table(pair, lead + (other or ""))
+    table = sigma_table(pair, axes)
     device = (*system.matrix.ravel().tolist(), *system.vector.tolist(), *(system.radial or (0.0,) * 5))
 
     def band(start: int, stop: int) -> None:
+        points = flat(xyz), flat(sigma), sigma_depth, start, stop
+        ends = flat(system.rays), device, table.nodes, table.step, table.per_q, *points
         if system.radial is None:
-            _finish_rows(
-                *solve_rows(system, coordinates[lead], coordinates[other] if other else None, lead, start, stop),
-                flat(system.rays), device, table.nodes, table.step, table.per_q,
-                flat(xyz), flat(sigma), sigma_depth, start, stop,
-            )  # fmt: skip
-            return
-        _intersect_rows(
-            first, first_sigma, first_line, second, second_sigma, second_line, other is not None,
-            flat(system.rays), device, table.nodes, table.step, table.per_q,
-            flat(xyz), flat(sigma), sigma_depth, start, stop,
-        )  # fmt: skip
+            _finish_rows(*solve_rows(system, first, second, axes[0], start, stop), *ends)
+        else:
+            _intersect_rows(*first, *second, *ends)
 
     run_in_bands(band, height)
     return PointCloud(xyz, sigma, sigma_depth)
 
 
-def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
-    """Name the leading coordinate and the other one, None where only one was decoded."""
+def _axes(phase: PhaseMap, system: System) -> str:
+    """Name the coordinates that were decoded, the leading one first."""
     slopes = dict(zip("uv", system.slopes, strict=True))
     decoded = [name for name, values in (("u", phase.u), ("v", phase.v)) if _any_finite(values)]
     if not decoded:
@@ -86,7 +79,7 @@ def _axes(phase: PhaseMap, system: System) -> tuple[str, str | None]:
     if slopes[lead] < WEAK_AXIS * max(slopes.values()):
         seen = f"only {lead} was decoded, which hardly changes with depth on this rig"
         raise NoCoordinateError("phase map", seen, f"capture with patterns along {'x' if lead == 'v' else 'y'}")
-    return lead, decoded[1] if len(decoded) == 2 else None
+    return "".join(decoded)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -136,24 +129,8 @@ def _begin_row(u, line, rays, device, X, Y, W, q):  # type: ignore[no-untyped-de
 
 
 @inner(error_model="numpy", fastmath={"contract", "reassoc"})
-def _step_one(u, sigma, line, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
-    """Newton's step for one coordinate in a row; the number of pixels that have not settled."""
-    k0, kx, ky = line
-    moving = 0
-    for c in range(u.shape[0]):
-        x1, y1, dx1, dy1 = _along(q[c], X[c], Y[c], W[c], device)
-        slope = kx * dx1 + ky * dy1
-        rest = np.float64(u[c]) - (k0 + kx * x1 + ky * y1)
-        q[c] += rest / slope
-        sigma_q[c] = np.float64(sigma[c]) / abs(slope)
-        last[c] = abs(rest)
-        moving += last[c] > SETTLED_LINES
-    return moving
-
-
-@inner(error_model="numpy", fastmath={"contract", "reassoc"})
-def _step_two(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
-    """Gauss and Newton's step for two coordinates in a row; the second one without weight where it is NaN."""
+def _step(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
+    """Gauss and Newton's step in a row, the second coordinate without weight where it is NaN; how many move still."""
     for_u, for_v = line_u, line_v
     moving = 0
     for c in range(u.shape[0]):
@@ -225,9 +202,22 @@ def _interpolate(table, row, rows, nodes):  # type: ignore[no-untyped-def]
             nodes[j, k] = (1 - (at - i)) * table[i, j, k] + (at - i) * table[i + 1, j, k]
 
 
+@inner(error_model="numpy")
+def _end_row(r, q, sigma_q, last, W, rays, device, table, step, per_q, nodes, xyz, sigma, sigma_depth):  # type: ignore[no-untyped-def]
+    """Points and sigmas of a row from its inverse depths; `nodes` is scratch memory."""
+    _interpolate(table, r, xyz.shape[0], nodes)
+    for j in range(nodes.shape[0] - 1):
+        a, b = j * step, min((j + 1) * step, q.shape[0])
+        _end(
+            rays[r, 2 * a : 2 * b], q[a:b], sigma_q[a:b], last[a:b], device[11], W[a:b],
+            nodes[j], nodes[j + 1], 1.0 / step, per_q,
+            xyz[r, 3 * a : 3 * b], sigma[r, 3 * a : 3 * b], sigma_depth[r, a:b],
+        )  # fmt: skip
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _intersect_rows(  # type: ignore[no-untyped-def]
-    u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
+    u, sigma_u, line_u, v, sigma_v, line_v, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
 ):
     """Intersect rows start to stop - 1."""
     width = u.shape[1]
@@ -238,22 +228,9 @@ def _intersect_rows(  # type: ignore[no-untyped-def]
     for r in range(start, stop):
         _begin_row(u[r], line_u, rays[r], device, X, Y, W, q)
         for _ in range(MOST_STEPS):
-            if both:
-                moving = _step_two(
-                    u[r], sigma_u[r], line_u, v[r], sigma_v[r], line_v, device, X, Y, W, q, sigma_q, last
-                )
-            else:
-                moving = _step_one(u[r], sigma_u[r], line_u, device, X, Y, W, q, sigma_q, last)
-            if moving == 0:
+            if _step(u[r], sigma_u[r], line_u, v[r], sigma_v[r], line_v, device, X, Y, W, q, sigma_q, last) == 0:
                 break
-        _interpolate(table, r, u.shape[0], nodes)
-        for j in range(nodes.shape[0] - 1):
-            a, b = j * step, min((j + 1) * step, width)
-            _end(
-                rays[r, 2 * a : 2 * b], q[a:b], sigma_q[a:b], last[a:b], device[11], W[a:b],
-                nodes[j], nodes[j + 1], 1.0 / step, per_q,
-                xyz[r, 3 * a : 3 * b], sigma[r, 3 * a : 3 * b], sigma_depth[r, a:b],
-            )  # fmt: skip
+        _end_row(r, q, sigma_q, last, W, rays, device, table, step, per_q, nodes, xyz, sigma, sigma_depth)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -261,21 +238,14 @@ def _finish_rows(  # type: ignore[no-untyped-def]
     q, sigma_q, last, W, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
 ):
     """Points and sigmas of rows start to stop - 1 from inverse depths found elsewhere."""
-    height, width, nodes = xyz.shape[0], q.shape[1], np.empty(table.shape[1:])
+    nodes = np.empty(table.shape[1:])
     for r in range(start, stop):
         k = r - start
-        _interpolate(table, r, height, nodes)
-        for j in range(nodes.shape[0] - 1):
-            a, b = j * step, min((j + 1) * step, width)
-            _end(
-                rays[r, 2 * a : 2 * b], q[k, a:b], sigma_q[k, a:b], last[k, a:b], device[11], W[k, a:b],
-                nodes[j], nodes[j + 1], 1.0 / step, per_q,
-                xyz[r, 3 * a : 3 * b], sigma[r, 3 * a : 3 * b], sigma_depth[r, a:b],
-            )  # fmt: skip
+        _end_row(r, q[k], sigma_q[k], last[k], W[k], rays, device, table, step, per_q, nodes, xyz, sigma, sigma_depth)
 
 
 def solve_rows(
-    system: System, first: Coordinate, second: Coordinate | None, lead: str, start: int, stop: int
+    system: System, first: Coordinate, second: Coordinate, lead: str, start: int, stop: int
 ) -> tuple[Array, Array, Array, Array]:
     """Inverse depths of rows start to stop - 1, in plain numpy, where the kernel does not know the projector's lens.
 
@@ -293,28 +263,21 @@ def solve_rows(
     q = (kx * X + ky * Y - m * W) / (m * mw - kx * mx - ky * my)
     per_line = np.array([1 / spec.pitch_mm[0], -1 / spec.pitch_mm[1]])
     middle = np.array([(spec.width - 1) / 2, (spec.height - 1) / 2])
-    observed: list[tuple[int, Array, Array]] = []
-    axes = (0, 1) if lead == "u" else (1, 0)
-    for axis, (seen, spread, _) in zip(axes, (first,) if second is None else (first, second), strict=False):
-        variance = np.nan_to_num(spread[start:stop].astype(np.float64) ** 2, nan=1.0)
-        observed.append((axis, seen[start:stop].astype(np.float64), np.maximum(variance, LEAST_VARIANCE)))
+    both = (first, second) if lead == "u" else (second, first)
+    seen, spread = (np.stack([c[i][start:stop] for c in both], axis=-1).astype(np.float64) for i in (0, 1))
+    variance = np.maximum(np.nan_to_num(spread**2, nan=1.0), LEAST_VARIANCE)
     sigma_q, last = np.full(q.shape, np.nan), np.full(q.shape, np.inf)
     with np.errstate(all="ignore"):
         for _ in range(STEPS):
             w = 1.0 / (W + mw * q)
             xy = np.stack([(X + mx * q) * w, (Y + my * q) * w], axis=-1)
             along = (system.vector[:2] - xy * mw) * w[..., None]
-            lines = lens.distort(interior, xy) * per_line + middle
+            rest = seen - (lens.distort(interior, xy) * per_line + middle)
             slopes = (lens.derivatives(interior, xy)[0] @ along[..., None])[..., 0] * per_line
-            right, information, steepest = np.zeros(q.shape), np.zeros(q.shape), np.zeros(q.shape)
-            for k, (axis, value, variance) in enumerate(observed):
-                rest, slope = value - lines[..., axis], slopes[..., axis]
-                weight = slope / variance if k == 0 else np.where(np.isfinite(rest), slope / variance, 0.0)
-                right += weight * (rest if k == 0 else np.nan_to_num(rest))
-                information += weight * slope
-                steepest = np.maximum(steepest, np.abs(slope))
-            step = right / information
-            q, last = q + step, np.abs(step) * steepest
+            weight = np.where(np.isfinite(rest), slopes / variance, 0.0)
+            information = np.sum(weight * slopes, axis=-1)
+            step = np.sum(weight * np.nan_to_num(rest), axis=-1) / information
+            q, last = q + step, np.abs(step) * np.abs(slopes).max(axis=-1)
             sigma_q = 1.0 / np.sqrt(information)
             if not np.any(last > 1e-6):
                 break
