@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.depth_camera import PlateCamera, TargetPlane, orient_camera
-from core.calibrate.depth_curves import Curves, fit_polynomials, fit_table
+from core.calibrate.depth_curves import Curves, fit_curves
 from core.calibrate.depth_smooth import smooth_maps
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose
@@ -131,10 +131,7 @@ def calibrate_depth(
     used, judged, variance = smooth_maps(measured, modulations, sigmas, options.low_pass_px, smooth)
     variance *= len(planes) / np.maximum(np.isfinite(used).sum(axis=0), 1)  # of curves that fewer positions carry
     progress(0.5, "fitting the depth of every pixel")
-    if options.degree is None:
-        curves = fit_table(depths, used, judged, least)
-    else:
-        curves = fit_polynomials(depths, used, judged, options.degree, least)
+    curves = fit_curves(depths, used, judged, options.degree, least)
     progress(0.9, "looking for pixels with gross errors")
     sigma = _mean_sigma(sigmas)
     travel_mm = float(depths[-1] - depths[0])

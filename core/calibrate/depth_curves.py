@@ -26,57 +26,24 @@ class Curves:
     not_monotonic: int  #: pixels left out because u does not rise or fall steadily with the position
 
 
-def fit_polynomials(depths_mm: Array, used: Floats, measured: Floats, degree: int, least: int) -> Curves:
-    """Fit a polynomial z(t), t = (u - centre) / half, to every pixel of at least `least` planes, at rising depths.
+def fit_curves(depths_mm: Array, used: Floats, measured: Floats, degree: int | None, least: int) -> Curves:
+    """Fit every pixel of at least `least` planes, at rising depths, its curve.
 
-    `used`, (planes, H, W), NaN where invalid, is fitted; by `measured`, unsmoothed, the residuals are judged. All
-    planes have the same weight: the sigma of u, estimated from a few frames, varies more by its own uncertainty than
-    from plane to plane.
+    `used`, (planes, H, W), NaN where invalid, is fitted; by `measured`, unsmoothed, the residuals are judged. With a
+    `degree` a polynomial z(t), t = (u - centre) / half, in which all planes have the same weight: the sigma of u,
+    estimated from a few frames, varies more by its own uncertainty than from plane to plane. Without, the table of u at
+    every plane, gaps between two closed by interpolation; the residual of an inner plane is taken against the straight
+    line between its neighbours.
     """
-    _, height, width = used.shape
-    coefficients = np.full((degree + 1, height, width), np.nan, np.float32)
-    curves = _empty(coefficients)
+    planes, height, width = used.shape
+    coefficients = np.full((planes if degree is None else degree + 1, height, width), np.nan, np.float32)
+    u_range = np.full((2, height, width), np.nan, np.float32)
+    squares, count = np.zeros((height, width), np.float32), np.zeros((height, width), np.uint8)
     broken = np.zeros(height, np.int64)
-
-    def band(start: int, stop: int) -> None:
-        _fit_rows(
-            depths_mm, used, measured, least, coefficients, curves.u_range, curves.squares, curves.count, broken,
-            start, stop,
-        )  # fmt: skip
-
-    run_in_bands(band, height)
-    return Curves(coefficients, curves.u_range, curves.squares, curves.count, int(broken.sum()))
-
-
-def fit_table(depths_mm: Array, used: Floats, measured: Floats, least: int) -> Curves:
-    """Make the table of every pixel: u at every plane, gaps between two planes closed by interpolation.
-
-    Parameters and result as for `fit_polynomials`; the residual of an inner plane is taken against the straight line
-    between its neighbours.
-    """
-    _, height, _ = used.shape
-    table = np.full(used.shape, np.nan, np.float32)
-    curves = _empty(table)
-    broken = np.zeros(height, np.int64)
-
-    def band(start: int, stop: int) -> None:
-        _table_rows(
-            depths_mm, used, measured, least, table, curves.u_range, curves.squares, curves.count, broken, start, stop
-        )
-
-    run_in_bands(band, height)
-    return Curves(table, curves.u_range, curves.squares, curves.count, int(broken.sum()))
-
-
-def _empty(coefficients: Floats) -> Curves:
-    _, height, width = coefficients.shape
-    return Curves(
-        coefficients,
-        np.full((2, height, width), np.nan, np.float32),
-        np.zeros((height, width), np.float32),
-        np.zeros((height, width), np.uint8),
-        0,
-    )
+    given = depths_mm, used, measured, least, coefficients, u_range, squares, count, broken
+    fit = _table_rows if degree is None else _fit_rows
+    run_in_bands(lambda start, stop: fit(*given, start, stop), height)
+    return Curves(coefficients, u_range, squares, count, int(broken.sum()))
 
 
 @inner
