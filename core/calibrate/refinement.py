@@ -20,38 +20,11 @@ OUTLYING = 3.0  # median residuals of its pose beyond which an observation count
 
 
 @inner(error_model="numpy")
-def _median(values: Array, n: int) -> float:  # pragma: no cover  compiled
-    """Median of the first n values, which change places; by Hoare's selection."""
-    low, high, middle = 0, n - 1, n // 2
-    while low < high:
-        pivot, i, j = values[middle], low, high
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i, j = i + 1, j - 1
-        if j < middle:
-            low = i
-        if middle < i:
-            high = j
-    upper = values[middle]
-    if n % 2:
-        return upper
-    lower = values[0]
-    for i in range(1, middle):
-        lower = max(lower, values[i])
-    return 0.5 * (lower + upper)
-
-
-@inner(error_model="numpy")
 def _soften(start: int, stop: int, w: Array, factor: Array, sizes: Array) -> float:  # pragma: no cover  compiled
     """Square roots of weights of one pose's misclosures start to stop - 1; the misclosure they set in at."""
     for k in range(start, stop):
         factor[k] = sizes[k - start] = np.sqrt(w[k, 0] ** 2 + w[k, 1] ** 2)
-    limit = max(OUTLYING * _median(sizes, stop - start), 1e-9)
+    limit = max(OUTLYING * np.median(sizes[: stop - start]), 1e-9)
     for k in range(start, stop):
         factor[k] = limit / factor[k] if factor[k] > limit else 1.0
     return limit
@@ -129,14 +102,6 @@ def _squares(n: int, w: Array, factor: Array) -> float:  # pragma: no cover  com
     return total
 
 
-@inner
-def _copy(R: Array, t: Array, R_copy: Array, t_copy: Array) -> None:  # pragma: no cover  compiled
-    for i in range(3):
-        t_copy[i] = t[i]
-        for j in range(3):
-            R_copy[i, j] = R[i, j]
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def _refine_band(  # pragma: no cover  compiled
     start: int, stop: int, first: Ints, observed: Observed, unknowns: Unknowns, w: Array, J: Array, sums: Array
@@ -157,7 +122,7 @@ def _refine_band(  # pragma: no cover  compiled
                 N[s, s] += damping * N[s, s] + 1e-12
             if not solve_in_place(N, b):
                 break
-            _copy(R, t, R_before, t_before)
+            R_before[:], t_before[:] = R, t
             _turn(R, b)
             for s in range(3):
                 t[s] += b[3 + s]
@@ -166,7 +131,7 @@ def _refine_band(  # pragma: no cover  compiled
             if trial_cost < cost:
                 damping /= 10
             else:
-                _copy(R_before, t_before, R, t)
+                R[:], t[:] = R_before, t_before
                 damping *= 10
             if abs(cost - trial_cost) < SETTLED * cost:
                 break

@@ -1,4 +1,4 @@
-"""Small systems, medians of numbers and of poses: against numpy and the truth."""
+"""Small systems and medians of poses: against numpy and the truth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from core.calibrate.initial import _median_pose
-from core.calibrate.refinement import _median
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.numerics.small import solve_in_place
 
@@ -24,15 +23,6 @@ def test_a_positive_definite_system_is_solved_as_numpy_solves_it(size: int) -> N
 def test_a_system_with_a_direction_of_no_weight_is_not_solved() -> None:
     A = np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 1.0]])
     assert not solve_in_place(A.T @ A, np.ones(3))
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 59, 60])
-def test_the_median_selected_in_part_is_that_of_all(count: int) -> None:
-    rng = np.random.default_rng(count)
-    for values in (rng.standard_normal(count), rng.integers(0, 3, count).astype(float), np.arange(count, 0.0, -1.0)):
-        assert _median(np.append(values, [-9.0, 9.0]), count) == np.median(values)
-    beyond = np.append(rng.standard_normal(count + 1), [np.inf] * (count // 2))
-    assert _median(beyond.copy(), len(beyond)) == np.median(beyond)
 
 
 @pytest.mark.parametrize("count", [1, 20, 1000])
