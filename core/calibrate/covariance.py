@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.calibrate.equations import GLOBALS, Equations
-from core.calibrate.normals import Inverse, layout_of
+from core.calibrate.normals import Inverse, Layout, layout_of
 from core.calibrate.problem import RELATIVE, Problem
 from core.compiling import njit
 from core.model import Array, Ints
@@ -18,30 +18,25 @@ def _cofactor_band(  # pragma: no cover  compiled
     stop: int,
     first_block: int,
     device: Ints,
-    own: Ints,
-    kept: Ints,
+    layout: Layout,
     columns: Ints,
     n_globals: int,
-    own_at: int,
-    kept_at: int,
-    kept_width: int,
     J: Array,
     Q: Array,
     CQ: Array,
     Q_eliminated: Array,
     out: Array,
 ) -> None:
-    width = Q_eliminated.shape[1]
-    own_columns = columns.shape[1]
+    own_at, width, own_columns = layout.own_at, layout.own_width, columns.shape[1]
     local, place = np.empty(own_columns + 6, np.int64), np.empty(own_columns + 6, np.int64)
     for o in range(start, stop):
-        e, k = own[o] - first_block, 0
+        e, k = layout.own[o] - first_block, 0
         for j in range(own_columns):
             if columns[device[o], j] >= 0:
                 local[k], place[k] = GLOBALS + j, columns[device[o], j]
                 k += 1
-        for j in range(kept_width):
-            local[k], place[k] = kept_at + j, n_globals + kept_width * kept[o] + j
+        for j in range(layout.kept_width):
+            local[k], place[k] = layout.kept_at + j, n_globals + layout.kept_width * layout.kept[o] + j
             k += 1
         for a in range(2):
             row, total = J[o, a], 0.0
@@ -75,13 +70,9 @@ def redundancy_numbers(problem: Problem, equations: Equations, inverse: Inverse)
             problem.first[stop],
             start,
             problem.device,
-            layout.own,
-            layout.kept,
+            layout,
             problem.columns,
             problem.globals,
-            layout.own_at,
-            layout.kept_at,
-            layout.kept_width,
             equations.J,
             inverse.Q,
             CQ,

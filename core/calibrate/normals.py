@@ -9,6 +9,7 @@ by Cholesky's method, its diagonal scaled to 1.
 from __future__ import annotations
 
 from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ class SingularNormalsError(Exception):
         self.block, self.direction = block, direction
 
 
-@dataclass(frozen=True)
-class Layout:
+class Layout(NamedTuple):
     """Where the Jacobian's columns of eliminated and kept unknowns begin, how many there are, and whose they are.
 
     `own` and `kept`, shape (m,), number each observation's eliminated and kept pose or point; `kept_count` of them are
@@ -121,10 +121,8 @@ def _normals_band(  # pragma: no cover  compiled
     start: int,
     stop: int,
     first: Ints,
-    kept: Ints,
+    layout: Layout,
     columns: Ints,
-    own_at: int,
-    kept_at: int,
     observed: Observed,
     unknowns: Unknowns,
     damping: float,
@@ -144,7 +142,7 @@ def _normals_band(  # pragma: no cover  compiled
     what they share is added up in a small matrix S.
     """
     G, width, device = len(N_global), lower.shape[1], observed.device
-    with_kept, kept_width = N_kept.shape[0], N_kept.shape[1]
+    with_kept, kept, kept_at, kept_width = layout.kept_count > 0, layout.kept, layout.kept_at, layout.kept_width
     own_columns = columns.shape[1]
     most = own_columns + width
     local, place = np.empty(most, np.int64), np.empty(own_columns, np.int64)
@@ -160,7 +158,7 @@ def _normals_band(  # pragma: no cover  compiled
                     g += 1
             k = g + width
             for s in range(width):
-                local[g + s] = own_at + s
+                local[g + s] = layout.own_at + s
             for s in range(k):
                 t[s] = 0.0
                 for r in range(k):
@@ -229,10 +227,8 @@ def assemble(problem: Problem, state: State, damping: float = 0.0) -> Normals:
             start,
             stop,
             problem.first,
-            layout.kept,
+            layout,
             problem.columns,
-            layout.own_at,
-            layout.kept_at,
             observed,
             unknowns,
             damping,
