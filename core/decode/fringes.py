@@ -35,7 +35,6 @@ SIGMAS = F(4.5)  # a step that rounds is trusted when this many of its standard 
 EVIDENCE = F(20)  # twice the logarithm of how much likelier than the second the best place must be
 FITTING = F(25)  # chi squared of the phases at the best place
 GATE = F(0.4)  # cycles: phases that differ by more contradict each other
-SAME = F(0.02)  # cycles²: less does not tell the two ends of the longest beat apart
 LEFT = F(1e-3)  # part of what a step tells that must follow from the others, so that it can be left out
 LEAST_NOISE = F(2 * 2.0**-20)  # turns²: more takes the second of the bends by noise, each of twice the last's
 ROUNDS = 4  # in which a wave that is no sine is put in the place of steps left out
@@ -219,8 +218,9 @@ def unwrap(table, turns, variance, count, place, psi, noise, flags):  # type: ig
             if s > 0:
                 flags[i] |= UNSURE if noise[i] > most else NONE
                 flags[i] |= DISAGREEMENT if abs(d) > GATE else NONE
-        if s == 0 and len(steps) > 1:
-            _choose_end(table, turns, noise, count, place, flags)
+            elif len(steps) > 1:  # noise may have carried it to the other end of the longest beat
+                away = (HALF * period - abs(place[i] - HALF * (table.lines - ONE))) * per_period
+                flags[i] |= UNSURE if away * away < SIGMAS * SIGMAS * noise[i] else NONE
     if table.start != CODE and len(table.period) > 1:
         for i in range(count):
             if flags[i] != NONE and flags[i] & ~(UNSURE | DISAGREEMENT) == NONE:
@@ -276,43 +276,6 @@ def orders_stand(table, turns, variance, more, place, stand):  # type: ignore[no
     for i in range(len(place)):
         found, best, second = search(table, turns, variance, more[i], i, place[i])
         stand[i] = best < FITTING and second - best > EVIDENCE and abs(found - place[i]) < HALF * table.period[0]
-
-
-@part
-def _follow(steps, step_period, periods, turns, i, place):  # type: ignore[no-untyped-def]
-    """Where all steps after the first lead one pixel, and the sum of squares of the disagreements (cycles²)."""
-    misfit = F(0)
-    for s in range(1, len(steps) + len(periods)):
-        psi, period = F(0), ONE
-        if s < len(steps):
-            period = step_period[s]
-            for j in range(len(periods)):
-                psi += steps[s, j] * turns[j, i]
-        else:
-            psi, period = turns[s - len(steps), i], periods[s - len(steps)]
-        d = turn_of(psi - (place + HALF) / period)
-        misfit += d * d
-        place += period * d if s < len(steps) else F(0)
-    return place, misfit
-
-
-@part
-def _choose_end(table, turns, noise, count, place, flags):  # type: ignore[no-untyped-def]
-    """At the ends of the longest beat, let the shorter ones tell if noise has carried a pixel to the other end."""
-    steps, step_period, periods = table.steps, table.step_period, table.period
-    beat, middle, half = step_period[0], HALF * (table.lines - ONE), HALF * table.lines + HALF * HALF
-    for i in range(count):
-        away = HALF * beat - abs(place[i] - middle)
-        if away * away < SIGMAS * SIGMAS * beat * beat * noise[i] and flags[i] == 0:
-            other = place[i] + (beat if place[i] < middle else -beat)
-            here, misfit = _follow(steps, step_period, periods, turns, i, place[i])
-            there, other_misfit = _follow(steps, step_period, periods, turns, i, other)
-            if abs(here - middle) > half:
-                misfit = F(1e9)
-            if abs(there - middle) > half:
-                other_misfit = F(1e9)
-            flags[i] |= UNSURE if abs(misfit - other_misfit) < SAME else NONE
-            place[i] = other if other_misfit < misfit else place[i]
 
 
 @part
