@@ -244,10 +244,7 @@ def locate(table, turns, variance, word, unsure, near, count, place, noise, doub
         _locate_edges(table, word, unsure, count, place, noise, doubtful)
         return
     combine(table.steps[0], table.step_error[0], turns, variance, count, place, noise)
-    if gray:
-        _locate_gray(table, word, unsure, near, count, place, noise, doubtful)
-    else:
-        _locate_binary(table, word, unsure, near, count, place, noise, doubtful)
+    _locate_cells(table, word, unsure, near, count, place, noise, doubtful)
 
 
 @part
@@ -284,50 +281,34 @@ def _upper(word, unsure, blurred):  # type: ignore[no-untyped-def]
 
 
 @part
-def _locate_gray(table, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
-    """Combine Gray code with the phase in `place` (turns)."""
-    cell, period, top = table.cell, table.step_period[0], F((1 << len(table.sign)) - 1)
-    per_cell, cell_turns, room = ONE / cell, cell / period, ONE - HALF * cell / period
-    cells = period * per_cell
-    for i in range(count):
-        seen, open_bits = word[i], unsure[i]
-        k = cell_of(True, seen)
-        apart = INT(cell_of(True, INT(seen ^ open_bits)) - k)
-        start = F(k) + HALF + (HALF * F(apart) if abs(apart) <= 1 else F(0))
-        d = turn_of(place[i] - cell_turns * start)
-        y = start + cells * d
-        place[i] = cell * y - HALF
-        edge = np.rint(y)
-        away = abs(y - edge)
-        low, high = _words_beside(True, edge, top)
-        flips = INT(low ^ high)
-        wrong = INT(seen ^ (high if y > edge else low))
-        odd = INT(open_bits & ~flips)
-        doubtful[i] = _doubt(wrong, odd, open_bits, near[i], flips, away, room - abs(d), noise[i])
-
-
-@part
-def _locate_binary(table, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
-    """Combine binary code with the phase in `place` (turns)."""
-    cell, period, top = table.cell, table.step_period[0], F((1 << len(table.sign)) - 1)
+def _locate_cells(table, word, unsure, near, count, place, noise, doubtful):  # type: ignore[no-untyped-def]
+    """Combine the code with the phase in `place` (turns)."""
+    gray, cell, period, top = table.gray, table.cell, table.step_period[0], F((1 << len(table.sign)) - 1)
     per_cell, cell_turns, room = ONE / cell, cell / period, ONE - HALF * cell / period
     cells, close = period * per_cell, CLOSE * per_cell
     for i in range(count):
         seen, open_bits = word[i], unsure[i]
-        shared = _shared(open_bits, near[i])
-        middle = F(INT((seen & ~shared) + ((shared + 1) >> 1)))
-        start = middle if shared != NONE else F(seen) + HALF
+        shared = NONE if gray else _shared(open_bits, near[i])
+        if gray:
+            k = cell_of(True, seen)
+            apart = INT(cell_of(True, INT(seen ^ open_bits)) - k)
+            start = F(k) + HALF + (HALF * F(apart) if abs(apart) <= 1 else F(0))
+        else:
+            middle = F(INT((seen & ~shared) + ((shared + 1) >> 1)))
+            start = middle if shared != NONE else F(seen) + HALF
         d = turn_of(place[i] - cell_turns * start)
         y = start + cells * d
         place[i] = cell * y - HALF
         edge = np.rint(y)
         away = abs(y - edge)
-        low, high = _words_beside(False, edge, top)
+        low, high = _words_beside(gray, edge, top)
         flips = INT(low ^ high)
-        side = _side_of(seen, open_bits, near[i])
-        changing = shared if shared != NONE and away <= close else side
-        odd = INT((open_bits & ~changing) | (changing ^ flips))
         wrong = INT(seen ^ (high if y > edge else low))
+        if gray:
+            odd = INT(open_bits & ~flips)
+        else:
+            changing = shared if shared != NONE and away <= close else _side_of(seen, open_bits, near[i])
+            odd = INT((open_bits & ~changing) | (changing ^ flips))
         doubtful[i] = _doubt(wrong, odd, open_bits, near[i], flips, away, room - abs(d), noise[i])
 
 
