@@ -18,7 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from core.capture.lookup import dictionary
 from core.errors import InputError
 from core.lazy import dataclass
-from core.numerics import distinct, quadratic, quantile_of, quantiles, spaced
+from core.numerics import distinct, polynomial, quantile_of, quantiles, spaced
 from core.patterns import Axis, Code, Pattern, axis_of, brightness, cycle_lines, describe, level_of, use_of
 from core.progress import SILENT, Progress
 
@@ -262,7 +262,7 @@ class _Search:
         """How far the lines are off a smooth course over the image: their mean deviation from a quadratic surface."""
         found = self.lines[np.argmin(self.distances(order), axis=1)].astype(np.float64)
         v, u = self.at / self.at.max()
-        A = quadratic(u, v)
+        A = polynomial(u, v, 2)
         return float(np.mean(np.abs(found - A @ np.linalg.lstsq(A, found, rcond=None)[0])))
 
     def improve(self, order: NDArray[np.intp], alike: list[NDArray[np.intp]]) -> tuple[float, NDArray[np.intp]]:

@@ -26,7 +26,16 @@ from numpy.typing import NDArray
 from core.decode.chosen import middles
 from core.decode.tables import Singles
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, chi_square_limit, fisher_limit, median_of, quadratic, row_median
+from core.numerics import (
+    MEDIAN_OF_NORMAL,
+    chi_square_limit,
+    exponents,
+    fisher_limit,
+    median_of,
+    polynomial,
+    row_median,
+    spaced,
+)
 from core.parallel import run_in_bands
 
 CYCLES = 2.0  # of a wave that a window holds at least: of fewer, a polynomial takes too much
@@ -49,13 +58,12 @@ MOST = 0.02  # of a period: more is the scene in step with the fringes
 TINY = 1e-12
 PLACES = 512  # of a period
 DEGREE, UNEVEN = 4, (6, 15)  # by which waves may differ over the image, quadratically first: the numbers of terms
-POWERS = np.array([(n - k, k) for n in range(DEGREE + 1) for k in range(n + 1)]).T  # of x and y in every term
 TURNS = 2 * np.pi * (np.arange(PLACES) + 0.5) / PLACES
 
 
 class Wave(NamedTuple):
     """A wave of coordinates: so many cycles a period, and its cosine and sine part in lines, (2, 15), each of them a
-    polynomial of the place in the image, x and y from -1 to 1, with the terms of `polynomial`. Both stay
+    polynomial of the place in the image, x and y from -1 to 1, of degree `DEGREE`. Both stay
     within `limits` (2, 2), the least and the most that windows show: beyond these, a polynomial is anything."""
 
     period: float
@@ -66,7 +74,8 @@ class Wave(NamedTuple):
     def at(self, rows: Array, columns: Array) -> Array:
         """Cosine and sine part where rows (h,) and columns (w,) of the image, each from -1 to 1, meet: (2, h, w)."""
         powers = np.zeros((2, DEGREE + 1, DEGREE + 1))
-        powers[:, POWERS[1], POWERS[0]] = self.parts
+        i, j = np.transpose(exponents(DEGREE))
+        powers[:, j, i] = self.parts
         across = powers @ columns ** np.arange(DEGREE + 1)[:, None]
         there = np.einsum("ph,cpw->chw", rows ** np.arange(DEGREE + 1)[:, None], across)
         return np.clip(there, *self.limits[:, :, None, None])
@@ -280,9 +289,9 @@ def _windows(u: Singles, side: int, slopes: tuple[float, float], waves: list[tup
     rows, columns = (first[:, None] + np.arange(side) for first in firsts)
     place = u[rows[:, :, None], columns[:, None]].reshape(-1, side**2).astype(float)
     y, x = (2 * (first + side / 2) / size - 1 for first, size in zip(firsts, u.shape, strict=True))
-    where = polynomial(x, y)
+    where = polynomial(x, y, DEGREE)
     y, x = (each.ravel() for each in np.meshgrid(*2 * [np.linspace(-1, 1, side)], indexing="ij"))
-    terms = quadratic(x, y)
+    terms = polynomial(x, y, 2)
     products = (terms[:, :, None] * terms[:, None]).reshape(len(terms), -1)
     weight = np.isfinite(place).astype(float)
     for _ in range(ROUNDS):
@@ -317,21 +326,11 @@ def _fullest(u: Singles, side: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]
     held = held[: len(u) - side + 1, : u.shape[1] - side + 1]
     high, wide = (size // side for size in held.shape)
     squares = held[: high * side, : wide * side].reshape(high, side, wide, side).transpose(0, 2, 1, 3)
-    squares = squares.reshape(high, wide, side * side)[np.ix_(*(_thin(number) for number in (high, wide)))]
+    squares = squares.reshape(high, wide, side * side)[np.ix_(*(spaced(number, ACROSS) for number in (high, wide)))]
     best, full = squares.argmax(axis=2), squares.max(axis=2) >= FULL
     down, across = np.divmod(best[full], side)
-    row, column = (_thin(number)[at] for number, at in zip((high, wide), np.nonzero(full), strict=True))
+    row, column = (spaced(number, ACROSS)[at] for number, at in zip((high, wide), np.nonzero(full), strict=True))
     return row * side + down, column * side + across
-
-
-def _thin(number: int) -> NDArray[np.intp]:
-    """At most `ACROSS` of so many, evenly."""
-    return np.linspace(0, number - 1, min(ACROSS, number)).astype(np.intp)
-
-
-def polynomial(x: Array, y: Array) -> Array:
-    """Terms of a polynomial of degree `DEGREE` at places (n,) each, shape (n, 15), those of the least degree first."""
-    return np.asarray(x[:, None] ** POWERS[0] * y[:, None] ** POWERS[1])
 
 
 def _squares(weight: Array, products: Array) -> Array:

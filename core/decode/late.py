@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.tables import Array, Limits, Singles
-from core.numerics import median_of
+from core.numerics import median_of, polynomial
 from core.patterns import Pattern, axis_of, brightness, level_of
 
 ALIKE = 1.6  # times the noise of their difference, by which frames of one pattern may differ
@@ -104,7 +104,7 @@ class _Surface:
         if len(known) < FEWEST:
             return np.full(np.count_nonzero(self.some), np.nan), np.nan
         known = known[:: max(1, len(known) // ENOUGH)]
-        design, values = _quadratic(known, self.some.shape), self.place.ravel()[known].astype(float)
+        design, values = _terms(known, self.some.shape), self.place.ravel()[known].astype(float)
         away, rank = np.zeros(len(known)), int((1 - TRIMMED) * (len(known) - 1))
         for _ in range(4):
             kept = away <= np.partition(away, rank)[rank]
@@ -113,7 +113,7 @@ class _Surface:
             terms = np.linalg.solve(half @ half.T + ridge, half @ values[kept])
             away = np.abs(values - terms @ design)
         farther = 1.0 if self.outside.all() else FARTHER
-        here = _quadratic(np.flatnonzero(self.some), self.some.shape)
+        here = _terms(np.flatnonzero(self.some), self.some.shape)
         return terms @ here, max(DOUBT, farther * median_of(away))
 
     def lines(self, doubts: float) -> Array:
@@ -124,9 +124,9 @@ class _Surface:
         return self._lines[doubts]
 
 
-def _quadratic(pixels: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
+def _terms(pixels: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
     y, x = (2 * each / size - 1 for each, size in zip(np.divmod(pixels, shape[1]), shape, strict=True))
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    return polynomial(x, y, 2).T
 
 
 def _light(patterns: Sequence[Pattern], place: Sequence[_Surface], doubts: float = 0) -> Array:

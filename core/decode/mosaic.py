@@ -15,6 +15,7 @@ import numpy as np
 
 from core.decode.chosen import middles
 from core.decode.folded import (
+    DEGREE,
     FEWEST,
     FULL,
     GROSS,
@@ -23,14 +24,13 @@ from core.decode.folded import (
     SHOWN,
     Wave,
     Windows,
-    polynomial,
     slopes_of,
     subtract,
     waves_by,
 )
 from core.decode.tables import Singles
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, row_median
+from core.numerics import MEDIAN_OF_NORMAL, polynomial, row_median
 from core.parallel import run_in_bands
 
 Kind = tuple[int, int]
@@ -107,7 +107,7 @@ def _tiles(u: Singles, waves: list[tuple[float, int]]) -> Windows | None:
         weighted = design * weight[:, None]
         normal += weighted @ design.transpose(0, 2, 1)
         seen += (weighted @ np.nan_to_num(away)[..., None])[..., 0]
-    return Windows(normal, seen, polynomial(across, down)[full])
+    return Windows(normal, seen, polynomial(across, down, DEGREE)[full])
 
 
 def _beside(values: Array, axis: int) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from core.decode.frames import Numbers, PhaseFrames, SortedFrames
 from core.decode.tables import Singles, fundamental
 from core.model import Array
-from core.numerics import quadratic
+from core.numerics import polynomial
 from core.patterns import brightness
 
 BINS = 12  # of grey values, with the same number of residuals each
@@ -241,7 +241,7 @@ def _over_the_image(places: Array, number: float) -> Array:
     """How blur may differ at `places`, (5, ...), over the image and by kind of pixel, shape (8, ...): not at all if so
     many pixels do not tell."""
     x, y, *kinds = places.reshape(len(places), -1)
-    field = np.vstack([quadratic(x, y).T[1:], *kinds]).reshape(-1, *places.shape[1:])
+    field = np.vstack([polynomial(x, y, 2).T[1:], *kinds]).reshape(-1, *places.shape[1:])
     return field if number > EACH * (1 + 2 * len(_orders(field))) else field[:0]
 
 

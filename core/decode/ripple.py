@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from core.decode.tables import Singles
 from core.model import Array
-from core.numerics import median_of, quadratic
+from core.numerics import median_of, polynomial
 from core.parallel import run_in_bands
 
 TILES, SIDE = 4, 64  # tiles of the image along each axis, apart from each other, and pixels along each at most
@@ -106,7 +106,7 @@ def _smooth(u: Singles, clear: NDArray[np.bool_]) -> Singles:
     """Coordinates of the quadratic surface through a tile."""
     y, x = (np.linspace(-1, 1, n) for n in u.shape)
     y, x = (each.ravel() for each in np.meshgrid(y, x, indexing="ij"))
-    terms = quadratic(x, y)
+    terms = polynomial(x, y, 2)
     fitted = np.linalg.lstsq(terms[clear.ravel()], u[clear].astype(float), rcond=None)[0]
     return np.asarray(terms @ fitted, np.float32).reshape(u.shape)
 

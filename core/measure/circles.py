@@ -10,7 +10,7 @@ import numpy as np
 from core.geometry import Pose, distort, image_to_pixel
 from core.measure.view import View
 from core.model import Array, DeviceSpec, Interior, TargetSet, Testfield
-from core.numerics import nearest, quadratic
+from core.numerics import nearest, polynomial, polynomial_slopes
 
 # uncertainty of the correction: nominal focal length, one lens parameter, board taken as flat; when adjusted, 1 % of
 # the dots' diameter
@@ -47,11 +47,11 @@ def _tangents(targets: bytes) -> Array:
     x, y, z = (centred @ axes.T).T
     slopes, one, none = np.zeros((2, len(x))), np.ones_like(x), np.zeros_like(x)
     if len(x) >= LEAST:
-        A = quadratic(x, y)
+        A = polynomial(x, y, 2)
         fit = np.linalg.lstsq(A, z, rcond=None)[0]
         spacing = np.median(np.linalg.norm(centred[nearest(centred, 2)[:, 1]] - centred, axis=1))
         if np.std(z - A @ fit) < SMOOTH * spacing:
-            slopes = fit @ np.array([[none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]])
+            slopes = polynomial_slopes(x, y, 2) @ fit
     surface = np.array([[one, none, slopes[0]], [none, one, slopes[1]]]).transpose(2, 1, 0)
     found = np.asarray(axes.T @ np.linalg.qr(surface)[0])
     found.flags.writeable = False

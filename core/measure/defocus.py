@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, median_of, quadratic
+from core.numerics import MEDIAN_OF_NORMAL, median_of, polynomial, polynomial_slopes
 
 LEAST = 12  # dots that tell a quadratic function
 # how much wider than a Gaussian's of its variance an edge is, squared: 1.4 for a disc, half-way to a Gaussian
@@ -41,8 +41,7 @@ def widening(uv: Array, spread: Array) -> Array:
         return np.zeros_like(uv)
     middle, size = uv[usable].mean(axis=0), float(np.ptp(uv[usable], axis=0).max()) / 2
     x, y = np.nan_to_num((uv - middle) / size).T
-    one, none = np.ones_like(x), np.zeros_like(x)
-    A = quadratic(x, y)
+    A = polynomial(x, y, 2)
     fit = np.zeros(6)
     weight = usable / np.maximum(spread, 0.1)  # a width's sigma goes with the width
     for _ in range(5):
@@ -51,8 +50,7 @@ def widening(uv: Array, spread: Array) -> Array:
         off = np.abs(spread - A @ fit) / np.maximum(spread, 0.1)
         usual = max(median_of(off[usable]) / MEDIAN_OF_NORMAL, 1e-6)
         weight = usable / np.maximum(spread, 0.1) / (1 + (off / (3 * usual)) ** 2)
-    by_x, by_y = [none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]
-    return np.stack([np.stack(terms, axis=1) @ fit for terms in (by_x, by_y)], axis=1) / size
+    return (polynomial_slopes(x, y, 2) @ fit).T / size
 
 
 def undrawn(centre: Array, cov: Array, spread: Array, share: Array | float) -> tuple[Array, Array]:

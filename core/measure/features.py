@@ -20,7 +20,7 @@ from core.lazy import dataclass
 from core.measure.blobs import connected_spots
 from core.measure.steps import MOST_LEVERAGE, Lay, covariance, light_within, width_px
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
-from core.numerics import distinct, quadratic, sigma_by_median
+from core.numerics import distinct, polynomial, sigma_by_median
 
 LENS_PX = 0.7  # blur by which the fit begins
 REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST_REACH px at least
@@ -115,7 +115,8 @@ def measure_feature(
     whole[:k, :k], whole[k:, k:] = shape_cov, surface_cov
 
     def carried(places: Array, terms: Array) -> Array:
-        q = quadratic(*((places - middle) / scale).T) @ terms
+        x, y = ((places - middle) / scale).T
+        q = polynomial(x, y, 2) @ terms
         return ray_directions(camera.spec, camera.interior, places) / q[:, None]
 
     def found(p: Array) -> Array:
@@ -272,7 +273,8 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
         seen = f"{np.count_nonzero(ring)} points lie on the surface beside the edge"
         raise InputError(where, seen, "capture it with more light on the surface around it")
     z, weight = z[ring], weight[ring]
-    A, q = quadratic(*((at[ring] - middle) / scale).T), -1 / z
+    x, y = ((at[ring] - middle) / scale).T
+    A, q = polynomial(x, y, 2), -1 / z
     for _ in range(3):
         N = np.linalg.inv((A * weight[:, None]).T @ A)
         surface = N @ (A.T @ (weight * q))

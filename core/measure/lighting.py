@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Array
-from core.numerics import MEDIAN_OF_NORMAL, median_of, nearest, normal_equations, row_median
+from core.numerics import (
+    MEDIAN_OF_NORMAL,
+    median_of,
+    nearest,
+    normal_equations,
+    polynomial,
+    polynomial_slopes,
+    row_median,
+)
 
 NEIGHBOURS, LEAST_NEIGHBOURS = 20, 6  # dots that tell the light's gradient
 PRINTS = 0.01  # share by which dots' prints differ, to begin with
@@ -99,12 +107,8 @@ def _over_image(
 
 
 def _terms(x: Array, y: Array, degree: int) -> Array:
-    """Monomials at places (..., k) in order of degree, then their slopes by x and by y: shape (..., 3 k, terms)."""
-    powers = [(d - j, j) for d in range(degree + 1) for j in range(d + 1)]
-    value = [x**i * y**j for i, j in powers]
-    by_x = [i * x ** max(i - 1, 0) * y**j for i, j in powers]
-    by_y = [j * x**i * y ** max(j - 1, 0) for i, j in powers]
-    return np.concatenate([np.stack(each, axis=-1) for each in (value, by_x, by_y)], axis=-2)
+    """Terms of a polynomial at places (..., k), then their slopes by x and by y: shape (..., 3 k, terms)."""
+    return np.concatenate([polynomial(x, y, degree), *polynomial_slopes(x, y, degree)], axis=-2)
 
 
 def _fitted(A: Array, seen: Array, told: Array, share: Array, prior: Array, own: int) -> tuple[Array, Array, float]:

@@ -9,7 +9,7 @@ from core.compiling import njit
 from core.measure.kernels import inverted
 from core.measure.rays import Rays
 from core.model import Array, Floats
-from core.numerics import MEDIAN_OF_NORMAL, four_pixels, nearest, row_median
+from core.numerics import MEDIAN_OF_NORMAL, exponents, four_pixels, nearest, polynomial, row_median
 from core.parallel import run_in_bands
 
 TERMS, BENT = 6, 3  # of a quadratic surface: all, and those by which it bends
@@ -69,16 +69,11 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     tell, or one has itself to go by.
     """
     nothing, known = np.full((len(uv), 4), np.nan), np.isfinite(lines) & (sigma > 0)
-    powers = [(i, k - i) for k in range(DEGREE + 1) for i in range(k + 1)]
-    if np.count_nonzero(known) < ENOUGH * (len(powers) + 2):
+    if np.count_nonzero(known) < ENOUGH * (len(exponents(DEGREE)) + 2):
         return nothing
     middle, size = uv[known].mean(axis=0), float(np.ptp(uv[known], axis=0).max()) / 2
     x, y, noise = (uv - middle) / size, np.where(known, lines, 0.0), float(np.median(sigma[known]))
-
-    def terms(at: Array) -> Array:
-        return np.stack([at[:, 0] ** i * at[:, 1] ** k for i, k in powers], axis=1)
-
-    A, root = np.concatenate([terms(x), -x * y[:, None]], axis=1), known.astype(float)
+    A, root = np.concatenate([polynomial(x[:, 0], x[:, 1], DEGREE), -x * y[:, None]], axis=1), known.astype(float)
     for _ in range(5):  # a coordinate decoded wrongly is far off
         Q, R = np.linalg.qr(A * root[:, None])
         if np.abs(np.diagonal(R)).min() < DEFECT * np.abs(np.diagonal(R)).max():
@@ -91,7 +86,7 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     def there(step: Array) -> Array:
         """Derivatives of the coordinate a step aside by all terms (n, p), and the coordinate as the last column."""
         at = x + step / size
-        poly, below = terms(at), 1 + at @ fit[-2:]
+        poly, below = polynomial(at[:, 0], at[:, 1], DEGREE), 1 + at @ fit[-2:]
         value = poly @ fit[:-2] / below
         return np.concatenate([poly, -at * value[:, None], value[:, None] * below[:, None]], axis=1) / below[:, None]
 

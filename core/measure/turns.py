@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from core.lazy import dataclass
 from core.measure.board import board_from_testfield
 from core.model import Array, Ints, TargetSet, Testfield
-from core.numerics import median_of, nearest
+from core.numerics import median_of, nearest, polynomial
 
 SURE = 12.0  # log-likelihood by which a labelling must be better than the next: one error in 160,000
 OVERRULED = 36.0  # the same against an operator's pick, which lens and light repeated from image to image must not do
@@ -227,7 +227,7 @@ def _deviations(targets: TargetSet, field: Testfield) -> _Deviations | None:
     middle, half = xy.mean(axis=0), np.abs(xy - xy.mean(axis=0)).max() + 1e-9
     x, y = ((xy - middle) / half).T
     degree = next(d for least, d in DEGREES if len(at) >= least)
-    A = np.stack([x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)], axis=1)
+    A = polynomial(x, y, degree)
     weight = np.ones(len(at))
     for _ in range(4):
         fit = np.linalg.lstsq(A * weight[:, None], off * weight[:, None], rcond=None)[0]

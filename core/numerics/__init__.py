@@ -16,10 +16,12 @@ from core.numerics.places import four_pixels, from_neighbours, nearest
 from core.numerics.robust import (
     MEDIAN_OF_NORMAL,
     distinct,
+    exponents,
     inverse_2x2,
     median_of,
     normal_equations,
-    quadratic,
+    polynomial,
+    polynomial_slopes,
     quantile_of,
     quantiles,
     quantiles_in,
@@ -32,8 +34,9 @@ from core.numerics.robust import (
 from core.numerics.systems import factor_of, inverse_by, least_squares, solution_by
 
 __all__ = [
-    "MEDIAN_OF_NORMAL", "chi_square_limit", "compressed_in_blocks", "cut_off", "distinct", "erf", "factor_of",
-    "fisher_above", "fisher_limit", "four_pixels", "from_neighbours", "inverse_2x2", "inverse_by", "least_squares",
-    "median_of", "nearest", "normal_equations", "normal_limit", "quadratic", "quantile_of", "quantiles",
-    "quantiles_in", "quantum", "ranked", "row_median", "sigma_about_median", "sigma_by_median", "solution_by", "spaced",
+    "MEDIAN_OF_NORMAL", "chi_square_limit", "compressed_in_blocks", "cut_off", "distinct", "erf", "exponents",
+    "factor_of", "fisher_above", "fisher_limit", "four_pixels", "from_neighbours", "inverse_2x2", "inverse_by",
+    "least_squares", "median_of", "nearest", "normal_equations", "normal_limit", "polynomial", "polynomial_slopes",
+    "quantile_of", "quantiles", "quantiles_in", "quantum", "ranked", "row_median", "sigma_about_median",
+    "sigma_by_median", "solution_by", "spaced",
 ]  # fmt: skip

@@ -129,9 +129,21 @@ def spaced(count: int, most: int) -> NDArray[np.intp]:
     return np.linspace(0, count - 1, min(count, most)).astype(np.intp)
 
 
-def quadratic(x: Array, y: Array) -> Array:
-    """Terms 1, x, y, x², xy, y² of a quadratic surface at places (n,) each, shape (n, 6)."""
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+def exponents(degree: int) -> list[tuple[int, int]]:
+    """Exponents of x and y in the terms of a polynomial: 1, x, y, x², xy, y², x³, ..."""
+    return [(n - k, k) for n in range(degree + 1) for k in range(n + 1)]
+
+
+def polynomial(x: Array, y: Array, degree: int) -> Array:
+    """Terms of a polynomial at places (...) each, in the order of `exponents`, shape (..., terms)."""
+    return np.stack([x**i * y**j for i, j in exponents(degree)], axis=-1)
+
+
+def polynomial_slopes(x: Array, y: Array, degree: int) -> Array:
+    """Derivatives of these terms by x and by y, shape (2, ..., terms)."""
+    by_x = [i * x ** max(i - 1, 0) * y**j for i, j in exponents(degree)]
+    by_y = [j * x**i * y ** max(j - 1, 0) for i, j in exponents(degree)]
+    return np.stack([np.stack(each, axis=-1) for each in (by_x, by_y)])
 
 
 def normal_equations(A: Array, weight: Array, b: Array | Floats) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from core.geometry import project_with_derivatives, ray_directions
 from core.lazy import dataclass
 from core.model import AdjustedDevice, Array, PointCloud
-from core.numerics import quadratic
+from core.numerics import polynomial, polynomial_slopes
 
 LEAST_KNOWN = 0.8  # of a patch's pixels
 ROUGH = 2.0  # times the usual misfit of a patch: an edge, a crease
@@ -54,7 +54,7 @@ class Surface:
     def _window(self) -> tuple[NDArray, NDArray, Array]:
         """Rows and columns (k,) of a patch from its middle, and the terms (k, 6) there."""
         y, x = np.mgrid[-self.half : self.half + 1, -self.half : self.half + 1].reshape(2, -1)
-        return y, x, quadratic(x / self.half, y / self.half)
+        return y, x, polynomial(x / self.half, y / self.half, 2)
 
     def fitted(self, rows: NDArray, columns: NDArray) -> tuple[Array, Array, Array, Array]:
         """Parabolas (n, 6) of pixels, their cofactors (n, 6, 6), variances of one pixel and misfits (n,)."""
@@ -92,15 +92,13 @@ class Surface:
         near = np.rint(np.where(inside[:, None], places, 0.0)).astype(np.int64)
         fit, cofactor, variance, misfit = self.fitted(near[:, 1], near[:, 0])
         x, y = ((np.where(inside[:, None], places, 0.0) - near) / self.half).T
-        one, none, terms = np.ones_like(x), np.zeros_like(x), quadratic(x, y)
-        by = np.stack([[none, one, none, 2 * x, y, none], [none, none, one, none, x, 2 * y]]) / self.half
-        by = by.transpose(2, 0, 1)
+        terms, by = polynomial(x, y, 2), polynomial_slopes(x, y, 2) / self.half
         with np.errstate(invalid="ignore"):
             known = inside & (misfit < ROUGH * max(self.usual, 1.0))
             variance = variance * np.maximum(misfit, 1.0)
         q = np.where(known, self.level + np.einsum("ni,ni->n", terms, fit), np.nan)
         return Patches(
-            q, variance * np.einsum("ni,nij,nj->n", terms, cofactor, terms), np.einsum("nki,ni->nk", by, fit)
+            q, variance * np.einsum("ni,nij,nj->n", terms, cofactor, terms), np.einsum("kni,ni->nk", by, fit)
         )
 
     def gradient(self, patches: Patches, X: Array) -> tuple[Array, Array]:
