@@ -39,28 +39,6 @@ def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
     return total, np.sqrt(variance)
 
 
-def inside_dot(
-    values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array, bend: Array | None = None
-) -> tuple[Array, Array]:
-    """Value and sigma (n,) at the middle of a surface through the valid pixels of each dot's interior.
-
-    It has two to four times the precision of the four pixels around the middle. How the surface bends, by perspective
-    across the dot, is found with it, or known: `bend` (n, 4) of `bends`, NaN where it is not. Then the middle is twice
-    as precise once more.
-    """
-    return _surface(values, sigma, uv, ellipse, np.zeros(len(uv)), np.minimum(window, INTERIOR), bend)
-
-
-def around_dot(
-    values: Floats, sigma: Floats, uv: Array, ellipse: Array, window: Array, bend: Array | None = None
-) -> tuple[Array, Array]:
-    """Value and sigma (n,) at the middle of a surface through the valid pixels round each dot, see `inside_dot`.
-
-    For dots too dark, or too bright, to be decoded themselves: the board around them lies in the same surface.
-    """
-    return _surface(values, sigma, uv, ellipse, window, window + RING, bend)
-
-
 def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     """Second derivatives (n, 4) of a coordinate by the camera's u twice, u and v, v twice, and their sigma: lines/px².
 
@@ -100,10 +78,14 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     return np.where((known & (np.sum(Q * Q, axis=1) < MOST_SHARE))[:, None], found, np.nan)
 
 
-def _surface(
-    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, bend: Array | None
+def middle_of_surface(
+    values: Floats, sigma: Floats, uv: Array, ellipse: Array, inner: Array, outer: Array, bend: Array | None = None
 ) -> tuple[Array, Array]:
-    """Weighted robust fit of a quadratic surface to the pixels between two radii in the unit disc.
+    """Value and sigma (n,) at dots' middles of a surface through the valid pixels between two radii in the unit disc.
+
+    A weighted robust fit of a quadratic surface: inside a dot it has two to four times the precision of the four pixels
+    around the middle. How the surface bends, by perspective across the dot, is found with it, or known: `bend` (n, 4)
+    of `bends`, NaN where it is not. Then the middle is twice as precise once more.
 
     Errors of decoding that depend on the place in the pattern are common to neighbours along its lines, and cancel in
     part across them. Blocks of four pixels then twist less than the residuals let expect; by that part, a row of n

@@ -8,6 +8,7 @@ that row where the row as a whole was shifted.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,9 +47,9 @@ def row_shifts(
     ground, slope_u, slope_v = plane[whole].T[..., None, None]
     # no grey value is cut off: what a threshold leaves of a row moves less than the row
     light = np.where(radius <= window, image[at] - ground - slope_u * du - slope_v * dv, 0.0)
-    rows = _Rows(at[0][..., 0], dv[..., 0], half[:, 1])
+    curved = partial(_curved, at[0][..., 0], dv[..., 0], half[:, 1])
     width, middle = light.sum(axis=2), np.einsum("mvu,mu->mv", light, du[:, 0])
-    of_image = rows.curved(width, middle, np.ones(len(uv)))
+    of_image = curved(width, middle, np.ones(len(uv)))
     shifts[0, 0] = of_image.variance()
     if not shifts[0, 0]:  # nor are the frames of the patterns shifted
         return shifts
@@ -64,7 +65,7 @@ def row_shifts(
         steep = np.abs(slope[np.isfinite(slope)])
         if not len(steep) or np.median(steep) < LEAST_SLOPE:
             continue
-        of_axis = rows.curved(width, width * (mean - slope[:, None] * place), slope)
+        of_axis = curved(width, width * (mean - slope[:, None] * place), slope)
         shifts[axis, axis] = of_axis.variance()
         most = np.sqrt(shifts[0, 0] * shifts[axis, axis])
         shifts[0, axis] = shifts[axis, 0] = np.clip(of_image.shared(of_axis)[0], -most, most)
@@ -114,41 +115,32 @@ class _Curved:
         return float(mine @ its - same.sum()) / scale, spread / scale
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """The k rows of m dots: their places (m, k) in the image and off the centres, and half their heights (m,), px."""
+def _curved(at: Ints, away: Array, half: Array, width: Array, moment: Array, gain: Array) -> _Curved:
+    """Take a curve from `moment` / `width` (m, k), the middles of rows, which a shift of 1 moves by `gain` (m,).
 
-    at: Ints
-    away: Array
-    half: Array
-
-    def curved(self, width: Array, moment: Array, gain: Array) -> _Curved:
-        """Take a curve from `moment` / `width` (m, k), the middles of rows, which a shift of 1 moves by `gain` (m,)."""
-        use = width > LEAST_SHARE * width.max(axis=1, keepdims=True)
-        use &= (np.count_nonzero(use, axis=1) >= LEAST_ROWS)[:, None]
-        X = (self.away / self.half[:, None])[..., None] ** np.arange(CURVE)
-        total = np.sum(width, axis=1, where=use, keepdims=True)
-        share = np.where(use, width, 0.0) / np.where(total > 0, total, 1.0)
-        weighted = np.swapaxes(X * share[..., None], 1, 2)
-        normal = weighted @ X + (1 - use.any(axis=1))[:, None, None] * np.eye(CURVE)
-        A = share[..., None] * (np.eye(X.shape[1]) - X @ np.linalg.solve(normal, weighted))
-        left = (A @ np.where(use, moment / np.where(use, width, 1.0), 0.0)[..., None])[..., 0]
-        A = A * np.where(use.any(axis=1), gain, 0.0)[:, None, None]
-        place = np.rint(self.away / BIN_PX).astype(int)
-        place -= place.min()
-        count = np.maximum(_by(place[use], np.ones(np.count_nonzero(use)), int(place.max()) + 1), 1)
-        means = _by(place[:, :, None] * self.height + self.at[:, None, :], A, len(count) * self.height)
-        means = means.reshape(len(count), -1) / count[:, None]
-        answers = _by(self.at[:, :, None] * self.height + self.at[:, None, :], A, self.height**2)
-        there = _by((self.at * len(count) + place)[use], np.ones(np.count_nonzero(use)), self.height * len(count))
-        answers = answers.reshape(self.height, -1) - there.reshape(self.height, -1) @ means
-        left = np.where(use, left - (_by(place[use], left[use], len(count)) / count)[place], 0.0)
-        return _Curved(self.at, use, left, A, place, means, answers)
-
-    @property
-    def height(self) -> int:
-        """How many rows of the image there are, to the last one of a dot."""
-        return int(self.at.max()) + 1
+    `at` are the places (m, k) of the k rows of m dots in the image, `away` those off the centres, `half` half the dots'
+    heights (m,), px.
+    """
+    use = width > LEAST_SHARE * width.max(axis=1, keepdims=True)
+    use &= (np.count_nonzero(use, axis=1) >= LEAST_ROWS)[:, None]
+    height, X = int(at.max()) + 1, (away / half[:, None])[..., None] ** np.arange(CURVE)
+    total = np.sum(width, axis=1, where=use, keepdims=True)
+    share = np.where(use, width, 0.0) / np.where(total > 0, total, 1.0)
+    weighted = np.swapaxes(X * share[..., None], 1, 2)
+    normal = weighted @ X + (1 - use.any(axis=1))[:, None, None] * np.eye(CURVE)
+    A = share[..., None] * (np.eye(X.shape[1]) - X @ np.linalg.solve(normal, weighted))
+    left = (A @ np.where(use, moment / np.where(use, width, 1.0), 0.0)[..., None])[..., 0]
+    A = A * np.where(use.any(axis=1), gain, 0.0)[:, None, None]
+    place = np.rint(away / BIN_PX).astype(int)
+    place -= place.min()
+    count = np.maximum(_by(place[use], np.ones(np.count_nonzero(use)), int(place.max()) + 1), 1)
+    means = _by(place[:, :, None] * height + at[:, None, :], A, len(count) * height)
+    means = means.reshape(len(count), -1) / count[:, None]
+    answers = _by(at[:, :, None] * height + at[:, None, :], A, height**2)
+    there = _by((at * len(count) + place)[use], np.ones(np.count_nonzero(use)), height * len(count))
+    answers = answers.reshape(height, -1) - there.reshape(height, -1) @ means
+    left = np.where(use, left - (_by(place[use], left[use], len(count)) / count)[place], 0.0)
+    return _Curved(at, use, left, A, place, means, answers)
 
 
 def _by(group: Ints, values: Array, length: int = 0) -> Array:

@@ -16,7 +16,7 @@ from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
 from core.measure.picks import Side, check_excluded
 from core.measure.profile import READ_BETWEEN
-from core.measure.projector import INTERIOR, around_dot, bends, bilinear, decoded_inside, inside_dot, refuse_jumps
+from core.measure.projector import INTERIOR, RING, bends, bilinear, decoded_inside, middle_of_surface, refuse_jumps
 from core.model import Array, DeviceSpec, Floats, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress
 
@@ -174,7 +174,7 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
     """Projector coordinates (n, 2) and sigmas at the targets' centres as measured, round which their pixels lie.
 
     Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, or is printed
-    dark, the board round it.
+    dark, the board round it, which lies in the same surface.
     """
     phase, (ellipse, window) = sight.phase, (marks.ellipse, marks.window)
     # what is seen there is round the target's centre
@@ -186,11 +186,13 @@ def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
         found[refuse_jumps(values, centre, ellipse, found, error)] = np.nan
         lost = ~np.isfinite(found)
         lit = decoded_inside(values, centre, ellipse)
-        fits = (lit & (not dark), inside_dot, window), (dark | (lost & ~lit), around_dot, ground)
+        inside = lit & (not dark), np.zeros_like(window), np.minimum(window, INTERIOR)
+        around = dark | (lost & ~lit), ground, ground + RING
         unread, bend = dark | lost, np.full((len(centre), 4), np.nan)
         for rough in (ROUGH, 1.0):  # how the surface bends, all targets tell together
-            for which, fit, to in fits:
-                value, its_error = fit(values, spread, centre[which], ellipse[which], to[which], bend[which])
+            for which, *rest in (inside, around):
+                dots = (each[which] for each in (centre, ellipse, *rest, bend))
+                value, its_error = middle_of_surface(values, spread, *dots)
                 valid = np.isfinite(value) & (unread[which] | (its_error < rough * error[which]))
                 better = np.flatnonzero(which)[valid]
                 found[better], error[better] = value[valid], its_error[valid]

@@ -4,30 +4,36 @@ import numpy as np
 import pytest
 
 from core.geometry import Pose, matrix_from_rotation_vector
-from core.measure.projector import around_dot, bends, inside_dot
+from core.measure.projector import bends, middle_of_surface
 from core.measure.view import View, _linearised
 from core.model import DeviceSpec
 from core.numerics import nearest
 
 ELLIPSE = np.array([[7.0, 1.0], [-0.5, 6.0]])
+INSIDE, AROUND = (0.0, 0.85), (1.3, 2.1)
 
 
-@pytest.mark.parametrize(("fit", "inner", "outer"), [(inside_dot, 0.0, 0.85), (around_dot, 1.3, 2.1)])
-def test_a_surface_is_that_of_weighted_least_squares(fit, inner, outer):
+def fitted(values, sigma, uv, radii, bend=None):
+    inner, outer = (np.full(len(uv), radius) for radius in radii)
+    return middle_of_surface(values, sigma, uv, np.stack([ELLIPSE] * len(uv)), inner, outer, bend)
+
+
+@pytest.mark.parametrize("radii", [INSIDE, AROUND])
+def test_a_surface_is_that_of_weighted_least_squares(radii):
     rng = np.random.default_rng(3)
     v, u = np.mgrid[:60, :70]
     sigma = rng.uniform(0.05, 0.1, u.shape).astype(np.float32)
     values = (200 + 0.8 * u - 0.1 * v + 2e-3 * u * v + rng.uniform(-1, 1, u.shape) * sigma).astype(np.float32)
     values[rng.random(u.shape) < 0.1] = np.nan
     uv = np.array([[33.4, 29.7], [-4.0, 30.0], [np.nan, 1.0]])  # whole, beyond the rim, nowhere
-    value, spread = fit(values, sigma, uv, np.stack([ELLIPSE] * 3), np.full(3, 1.3))
+    value, spread = fitted(values, sigma, uv, radii)
     values, sigma = (each.ravel().astype(np.float64) for each in (values, sigma))
     x, z = np.linalg.solve(ELLIPSE, np.stack([u.ravel(), v.ravel()]) - uv[0, :, None])
-    use = (np.hypot(x, z) >= inner) & (np.hypot(x, z) <= outer) & np.isfinite(values)
+    use = (np.hypot(x, z) >= radii[0]) & (np.hypot(x, z) <= radii[1]) & np.isfinite(values)
     A = (np.stack([np.ones_like(x), x, z, x * x, x * z, z * z], axis=1) / sigma[:, None])[use]
-    fitted, squares, *_ = np.linalg.lstsq(A, values[use] / sigma[use], rcond=None)
+    terms, squares, *_ = np.linalg.lstsq(A, values[use] / sigma[use], rcond=None)
     expected = np.sqrt(np.linalg.inv(A.T @ A)[0, 0] * max(squares[0] / (use.sum() - 6), 1.0))
-    assert value[0] == pytest.approx(fitted[0], abs=1e-9)
+    assert value[0] == pytest.approx(terms[0], abs=1e-9)
     assert spread[0] == pytest.approx(expected, rel=1e-9)
     assert np.isnan([value[1:], spread[1:]]).all()
 
@@ -40,8 +46,8 @@ def seen_by_projector(places, tilt, bumps=0.0):
     return 320 + 1900 * at * (1 - 0.2 * (at**2 + (y * depth) ** 2))
 
 
-@pytest.mark.parametrize(("fit", "bumps"), [(inside_dot, 0.0), (inside_dot, 1e-4), (around_dot, 0.0)])
-def test_dots_that_tell_together_how_a_surface_bends_are_twice_as_precise(fit, bumps):
+@pytest.mark.parametrize(("radii", "bumps"), [(INSIDE, 0.0), (INSIDE, 1e-4), (AROUND, 0.0)])
+def test_dots_that_tell_together_how_a_surface_bends_are_twice_as_precise(radii, bumps):
     rng = np.random.default_rng(8)
     uv = np.stack(np.meshgrid(np.arange(60, 700, 36.0), np.arange(60, 540, 36.0)), axis=-1).reshape(-1, 2)
     uv += rng.uniform(-3, 3, uv.shape)
@@ -50,12 +56,12 @@ def test_dots_that_tell_together_how_a_surface_bends_are_twice_as_precise(fit, b
     dot = nearest(uv, of=places)[:, 0]
     ups = bumps * rng.standard_normal(len(uv))  # every dot a little off the board, each flat in itself
     true = seen_by_projector(places, 0.7, ups[dot]).reshape(u.shape)
-    sigma, windows = np.full(u.shape, 0.05, np.float32), np.full(len(uv), 1.3)
+    sigma = np.full(u.shape, 0.05, np.float32)
     ratios, sigmas = [], []
     for _ in range(2):
         values = (true + 0.05 * rng.standard_normal(u.shape)).astype(np.float32)
-        first, spread = fit(values, sigma, uv, np.stack([ELLIPSE] * len(uv)), windows)
-        value, better = fit(values, sigma, uv, np.stack([ELLIPSE] * len(uv)), windows, bends(uv, first, spread))
+        first, spread = fitted(values, sigma, uv, radii)
+        value, better = fitted(values, sigma, uv, radii, bends(uv, first, spread))
         ratios.append((value - seen_by_projector(uv, 0.7, ups)) / better)
         sigmas.append(better / spread)
     # 504 values: their r.m.s. is known to 3 %; sigma has what a polynomial may leave
@@ -69,12 +75,12 @@ def test_a_strip_of_dots_says_how_well_it_tells_the_bend_across():
     uv += rng.uniform(-1, 1, uv.shape) * [1, 0.3]  # rows are never quite straight
     v, u = np.mgrid[:250, :748]
     true = seen_by_projector(np.stack([u, v], axis=-1).reshape(-1, 2).astype(float), 0.7).reshape(u.shape)
-    sigma, ellipse = np.full(u.shape, 0.05, np.float32), np.stack([ELLIPSE] * len(uv))
+    sigma = np.full(u.shape, 0.05, np.float32)
     ratios = []
     for _ in range(3):
         values = (true + 0.05 * rng.standard_normal(u.shape)).astype(np.float32)
-        bend = bends(uv, *inside_dot(values, sigma, uv, ellipse, np.full(len(uv), 1.3)))
-        value, spread = inside_dot(values, sigma, uv, ellipse, np.full(len(uv), 1.3), bend)
+        bend = bends(uv, *fitted(values, sigma, uv, INSIDE))
+        value, spread = fitted(values, sigma, uv, INSIDE, bend)
         ratios.append((value - seen_by_projector(uv, 0.7)) / spread)
     assert np.sqrt(np.mean(np.square(ratios))) < 1.1  # 330 values: known to 4 %
     assert np.abs(ratios).max() < 4.5
@@ -94,12 +100,12 @@ def test_a_pixel_decoded_wrongly_moves_no_surface():
     wrong = values.copy()
     wrong[18, 33] += 5.0
     sigma, uv = np.full(u.shape, 0.05, np.float32), np.array([[33.4, 29.7]])
-    value, _ = around_dot(wrong, sigma, uv, ELLIPSE[None], np.array([1.3]))
+    value, _ = fitted(wrong, sigma, uv, AROUND)
     assert value[0] == pytest.approx(200 + 0.8 * 33.4 - 0.1 * 29.7, abs=1e-4)  # of float32
 
 
-@pytest.mark.parametrize(("fit", "slope"), [(inside_dot, 0.31), (inside_dot, 0.74), (around_dot, 0.43)])
-def test_errors_common_to_pixels_along_a_line_of_the_pattern_widen_sigma(fit, slope):
+@pytest.mark.parametrize(("radii", "slope"), [(INSIDE, 0.31), (INSIDE, 0.74), (AROUND, 0.43)])
+def test_errors_common_to_pixels_along_a_line_of_the_pattern_widen_sigma(radii, slope):
     # code alone: lines by their whole numbers, off by up to half a line, all pixels along a line alike
     v, u = np.mgrid[:240, :300]
     true = 20 + slope * u + 0.02 * v
@@ -107,7 +113,7 @@ def test_errors_common_to_pixels_along_a_line_of_the_pattern_widen_sigma(fit, sl
     rng = np.random.default_rng(4)
     uv = np.stack(np.meshgrid(np.arange(20, 290, 24), np.arange(20, 230, 24)), axis=-1).reshape(-1, 2)
     uv = uv + rng.uniform(-3, 3, uv.shape)
-    value, spread = fit(values, sigma, uv, np.stack([ELLIPSE] * len(uv)), np.full(len(uv), 1.3))
+    value, spread = fitted(values, sigma, uv, radii)
     error = (value - (20 + slope * uv[:, 0] + 0.02 * uv[:, 1])) / spread
     assert 0.5 < np.sqrt(np.mean(error**2)) < 1.35
 
