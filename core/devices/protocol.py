@@ -61,11 +61,9 @@ class Projector(Protocol):
     @property
     def size(self) -> tuple[int, int]:
         """Columns and rows, in lines."""
-        ...
 
     def refusal(self, pattern: Pattern) -> str | None:
         """Why this pattern cannot be shown, in words; None if it can."""
-        ...
 
     def show(self, pattern: Pattern, check: Check = no_check) -> None:
         """Show one pattern.
@@ -74,19 +72,15 @@ class Projector(Protocol):
         ------
         PatternRefusedError, DeviceError
         """
-        ...
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         """Store a sequence in the device; nothing is shown yet. `check` is called at every pattern too."""
-        ...
 
     def step(self, index: int, check: Check = no_check) -> None:
         """Show pattern `index` of the loaded sequence."""
-        ...
 
     def close(self) -> None:
         """Let the device go; a second call does nothing."""
-        ...
 
 
 class Camera(Protocol):
@@ -97,12 +91,10 @@ class Camera(Protocol):
     @property
     def bits(self) -> int:
         """How many bits of a grey value are used."""
-        ...
 
     @property
     def size(self) -> tuple[int, int] | None:
         """Width and height in px; None where the device cannot tell before its first image."""
-        ...
 
     def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         """Take one image whose exposure begins after the call, never one that waited in a buffer.
@@ -114,11 +106,9 @@ class Camera(Protocol):
         DeviceError
             When no image has come within the time.
         """
-        ...
 
     def close(self) -> None:
         """Let the device go; a second call does nothing."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -138,7 +128,6 @@ class Adjustable(Protocol):
     @property
     def setting(self) -> Setting:
         """What is set now."""
-        ...
 
     def adjust(self, value: float) -> Setting:
         """Set the exposure and read it back.
@@ -148,7 +137,6 @@ class Adjustable(Protocol):
         DeviceError
             When the camera takes another value.
         """
-        ...
 
 
 @runtime_checkable
@@ -159,7 +147,6 @@ class SelfRunning(Protocol):
 
     def run(self, check: Check = no_check) -> None:
         """Start the sequence that is loaded; it runs through once."""
-        ...
 
 
 @runtime_checkable
@@ -170,7 +157,6 @@ class Following(Protocol):
 
     def follow(self, period_s: float, check: Check = no_check) -> None:
         """Wait for triggers `period_s` apart: each shows the next pattern, the first one pattern 0."""
-        ...
 
 
 @runtime_checkable
@@ -181,11 +167,9 @@ class Armed(Camera, Protocol):
 
     def arm(self, count: int) -> None:
         """Be ready for triggers; what was taken before is thrown away."""
-        ...
 
     def collect(self, count: int, timeout_s: float, check: Check = no_check) -> list[Image]:
         """Give the images since, in their order, once there are `count` and no more come, or the time is over."""
-        ...
 
 
 @runtime_checkable
@@ -196,7 +180,6 @@ class Leading(Armed, Protocol):
 
     def lead(self, count: int) -> None:
         """Begin to take `count` images, which `collect` gives; what was taken before is thrown away."""
-        ...
 
 
 def refuse_grey(pattern: Pattern) -> str | None:

@@ -42,6 +42,7 @@ class SerialProjector:
             remedy = f"use it beside a screen: screen:1?control={url}&profile={profile.name}"
             raise InputError(profile.name, "switches a projector and shows no patterns", remedy)
         self.profile, self.url, self.note = profile, url, note
+        self.size = profile.columns, profile.rows
         self.settle_s = profile.settle_s if settle_s is None else settle_s
         self.period_s = profile.period_s if profile.goes("run") else 0.0
         self.can_follow = profile.goes("follow")
@@ -60,10 +61,6 @@ class SerialProjector:
         except BaseException:
             self.close()
             raise
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return self.profile.columns, self.profile.rows
 
     @property
     def repeats(self) -> tuple[int, int]:

@@ -22,34 +22,27 @@ class Scene(Protocol):
     @property
     def camera_size(self) -> tuple[int, int]:
         """Width and height, px."""
-        ...
 
     @property
     def projector_size(self) -> tuple[int, int]:
         """Columns and rows, lines."""
-        ...
 
     @property
     def bits(self) -> int:
         """How many bits of a grey value are used."""
-        ...
 
     @property
     def sequence(self) -> tuple[Pattern, ...] | None:
         """The sequence it is made for; None: the reference sequence of its size."""
-        ...
 
     def refusal(self, pattern: Pattern) -> str | None:
         """Why the projector of this scene cannot show a pattern; None if it can."""
-        ...
 
     def frame(self, pattern: Pattern, seed: int) -> Pixels:
         """Render the scene lit by a pattern."""
-        ...
 
     def frame_lines(self, columns: Lines, rows: Lines, seed: int) -> Pixels:
         """Render the scene lit by column lines XOR row lines."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -35,15 +35,12 @@ class Surface(Protocol):
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in the screen's own pixels, not in those that a desktop's scaling pretends."""
-        ...
 
     def present(self, image: NDArray[np.uint8]) -> None:
         """Show an image (H, W) of exactly the surface's size; return once the screen has been given it."""
-        ...
 
     def close(self) -> None:
         """Take the window away."""
-        ...
 
 
 Screens = Callable[[int], Surface]
@@ -64,7 +61,7 @@ class ServedSurface:
     """A window of a program of its own: it is sent size and pixels of every image, and answers once it is painted."""
 
     def __init__(self, number: int, program: Sequence[str] = ()) -> None:
-        self._name, self._size = f"screen:{number}", (0, 0)
+        self._name, self.size = f"screen:{number}", (0, 0)
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115  read when the program has ended
         command = [*(program or _window_program()), "--patterns", str(number)]
         pipe = subprocess.PIPE
@@ -74,10 +71,6 @@ class ServedSurface:
         except BaseException:
             self.close()
             raise
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return self._size
 
     def present(self, image: NDArray[np.uint8]) -> None:
         height, width = image.shape
@@ -110,7 +103,7 @@ class ServedSurface:
         if "error" in told:
             raise DeviceError(self._name, *told["error"])
         width, height = told["size"]
-        self._size = int(width), int(height)
+        self.size = int(width), int(height)
 
     def _ended(self) -> tuple[str, str]:
         """Say why there is no answer."""
@@ -170,14 +163,10 @@ class ScreenProjector:
         self.sequence: tuple[Pattern, ...] | None = None
         self.surface, self.gamma = surface, gamma
         self._loaded: tuple[Pattern, ...] = ()
-        self._size = surface.size
+        self.size = surface.size
         self._open = True
-        if min(self._size) < 1:
-            raise InputError(name, f"a surface of {self._size[0]}x{self._size[1]} px", "choose a screen that is on")
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return self._size
+        if min(self.size) < 1:
+            raise InputError(name, f"a surface of {self.size[0]}x{self.size[1]} px", "choose a screen that is on")
 
     def refusal(self, pattern: Pattern) -> str | None:
         return None
@@ -185,14 +174,14 @@ class ScreenProjector:
     def show(self, pattern: Pattern, check: Check = no_check) -> None:
         if not self._open:
             raise DeviceError(self.name, "closed", "open it again")
-        if self.surface.size != self._size:
-            now, was = self.surface.size, self._size
+        if self.surface.size != self.size:
+            now, was = self.surface.size, self.size
             raise DeviceError(
                 self.name,
                 f"the screen has {now[0]}x{now[1]} px, it had {was[0]}x{was[1]}",
                 "set its resolution to the projector's own and start the capture again",
             )
-        self.surface.present(screen_image(pattern, *self._size, self.gamma))
+        self.surface.present(screen_image(pattern, *self.size, self.gamma))
 
     def load(self, patterns: Sequence[Pattern], check: Check = no_check) -> None:
         self._loaded = check_sequence(self, patterns, check)

@@ -61,16 +61,12 @@ class FolderCamera:
             raise InputError(folder, "no such folder", "give the folder that the camera's program writes into")
         self.name, self.folder = f"folder camera {folder}", folder
         self._bits, self.latency_s = bits, latency_s
-        self._size: tuple[int, int] | None = None
+        self.size: tuple[int, int] | None = None
         self._seen = self._list()
 
     @property
     def bits(self) -> int:
         return self._bits or 8
-
-    @property
-    def size(self) -> tuple[int, int] | None:
-        return self._size
 
     def grab(self, timeout_s: float = 5.0, check: Check = no_check) -> Image:
         start = time.monotonic()
@@ -83,7 +79,7 @@ class FolderCamera:
             fresh = sorted(self._list() - self._seen)
             if fresh and (pixels := self._read(fresh[0], end)) is not None:
                 self._seen.add(fresh[0])
-                self._size = (pixels.shape[1], pixels.shape[0])
+                self.size = pixels.shape[1], pixels.shape[0]
                 self._bits = self._bits or 8 * pixels.dtype.itemsize
                 return Image(pixels, self._bits, max(start, time.monotonic() - self.latency_s))
             time.sleep(_QUIET_S / 5)

@@ -88,16 +88,8 @@ class UvcCamera:
         except BaseException:
             self.close()
             raise
-        self._bits = bits or 8 * first[0].dtype.itemsize
-        self._size = (first[0].shape[1], first[0].shape[0])
-
-    @property
-    def bits(self) -> int:
-        return self._bits
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return self._size
+        self.bits = bits or 8 * first[0].dtype.itemsize
+        self.size = first[0].shape[1], first[0].shape[0]
 
     @property
     def setting(self) -> Setting:
@@ -126,7 +118,7 @@ class UvcCamera:
             timeout_s,
             check,
         )
-        return Image(pixels, self._bits, max(start, arrived - period_s))
+        return Image(pixels, self.bits, max(start, arrived - period_s))
 
     def close(self) -> None:
         """Let the device go; a driver that hangs is left behind."""

@@ -97,14 +97,10 @@ class VirtualProjector:
     def __init__(self, stage: Stage, settle_s: float = 0.0, capacity: int = 256, period_s: float = 0.0) -> None:
         self.period_s, self.can_follow = period_s, True
         self.name, self.settle_s, self.capacity = "virtual projector", settle_s, capacity
-        self.stage, self.sequence = stage, stage.scene.sequence
+        self.stage, self.sequence, self.size = stage, stage.scene.sequence, stage.scene.projector_size
         stage.switching_s = settle_s
         self._loaded: tuple[Pattern, ...] = ()
         self._open = True
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return self.stage.scene.projector_size
 
     def refusal(self, pattern: Pattern) -> str | None:
         return self.stage.scene.refusal(pattern)
@@ -153,15 +149,11 @@ class VirtualCamera:
         lead_period_s: float = 0.0,
     ) -> None:
         self.scene, self.lead_period_s = scene or stage.scene, lead_period_s
-        self.name, self.bits, self.exposure_s = "virtual camera", self.scene.bits, exposure_s
-        self.stage, self.faults, self.gain = stage, faults or Faults(), gain
+        self.name, self.bits, self.size = "virtual camera", self.scene.bits, self.scene.camera_size
+        self.stage, self.faults, self.gain, self.exposure_s = stage, faults or Faults(), gain, exposure_s
         self._previous: Pixels | None = None
         self._open, self.can_arm, self._number = True, True, 0
         self._led: list[float] = []  # begins of the images that its own clock takes
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return self.scene.camera_size
 
     @property
     def setting(self) -> Setting:

@@ -173,14 +173,11 @@ class Calibration(Protocol):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What an operator should know, a sentence each."""
-        ...
 
     @property
     def verdict(self) -> Verdict | None:
         """The verdict; None where nobody judged."""
-        ...
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
         """Points and captures without a part in it."""
-        ...
