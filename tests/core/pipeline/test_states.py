@@ -467,7 +467,7 @@ def test_what_is_settled_is_not_read_again(tmp_path: Path, monkeypatch) -> None:
 def test_what_a_reconstruction_asks_of_a_copy_is_hashed_once(whole: Path, monkeypatch) -> None:
     from core.project import contents as module
 
-    monkeypatch.setattr(module, "_open", {})
+    module._opened.cache_clear()
     monkeypatch.setattr(module, "_TICK_NS", 0)
     (whole / "results/.contents.json").unlink(missing_ok=True)
     assert not outdated_words(read_project(whole), "photogrammetric")
