@@ -39,14 +39,15 @@ RESULTS_LOCK = ".lock"  # in results/
 DOCUMENT_LOCK = ".project.lock"  # beside project.json
 _WITHOUT = {getattr(errno, name) for name in ("ENOLCK", "EOPNOTSUPP", "ENOSYS", "EINVAL") if hasattr(errno, name)}
 _threads: dict[str, threading.RLock] = {}  # by path: which thread of this process may have it
-_handles: dict[str, int] = {}  # by path: the files that are locked
+_handles: dict[str, int] = {}  # by path: the files that are locked; -1 where this is a copy of the process that did
 
 
 def _let_go() -> None:
-    """Close the locks in a copy of this process, which would hold them if it lived longer."""
-    while _handles:
+    """Close the locks in a copy of this process, which would hold them if it lived longer; it writes under them."""
+    for path, handle in _handles.items():
         with suppress(OSError):
-            os.close(_handles.popitem()[1])
+            os.close(handle)
+        _handles[path] = -1
 
 
 if hasattr(os, "register_at_fork"):

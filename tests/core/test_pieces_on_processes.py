@@ -148,7 +148,8 @@ limit_threads(2)
 said = Progress(lambda fraction, message: print(message, flush=True))
 
 def work(k, progress):
-    progress(0.0, "at work")
+    with writing_results(Path(sys.argv[1]), "measure"):  # under the lock of the process it is a copy of
+        progress(0.0, "at work")
     time.sleep(2)
 
 with writing_results(Path(sys.argv[1]), "measure"):
