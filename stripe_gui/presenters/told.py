@@ -56,7 +56,7 @@ def told(text: str) -> str:
         if fragment in said and (found := pattern.fullmatch(said)):
             return f"{before}{translation.format(*map(told, found.groups()))}{after}"
     name, colon, _ = said.partition(": ")
-    first_of_all = (": ",) if colon and len(name.split()) <= NAMES else ()
+    first_of_all = (": ",) if colon and len(name.split()) <= NAMES and PAUSES[0] not in name else ()
     for pause in (*first_of_all, *PAUSES):
         first, found_pause, rest = said.partition(pause)
         if found_pause:

@@ -178,6 +178,14 @@ def test_whatever_is_said_of_running_work_has_a_translation(german: None) -> Non
             "sich Tiefen um -1.8 ± 0.3 mm (p = 3e-22): einer hat sich seither bewegt, oder die Bilder sind verschoben "
             "oder von einem anderen Aufbau; siehe `stripe-core orient`, oder neu kalibrieren",
         ),
+        (
+            "/p: is being written by process 33 (calibrate); wait until it is done; reading goes on",
+            "/p: dort schreibt gerade process 33 (kalibrieren); warten, bis es fertig ist; Lesen geht weiter",
+        ),
+        (
+            'capture.json: names no role; add "role": one of object',
+            "capture.json: nennt kein Feld role; „role“ ergänzen: eines von object",
+        ),
         ("the words of a plug-in of somebody", "the words of a plug-in of somebody"),
         ("testfield-03: not measured yet; is gone", "testfield-03: noch nicht gemessen; fehlt jetzt"),
         (
