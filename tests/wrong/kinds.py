@@ -69,6 +69,7 @@ from tests.wrong.changes import (
     wrapped,
     z,
 )
+from tests.wrong.mixups import MIXUPS
 
 CODE = ("gray", "binary")
 OTHER = {"x": "y", "y": "x"}
@@ -309,6 +310,7 @@ KINDS: dict[str, tuple[Change, str]] = {
     ),
     "period +0.3 %": (patterns(of("phase", period=lambda p: p["period"] * 1.003)), "period"),
     "a plate's frames of another plate": (copied("depth-02", "depth-04", again=True), "depth-0[24]|where capture.json says"),
+    **MIXUPS,
 }  # fmt: skip
 
 # what changes nothing there: two wrong descriptions say the same, or two angles or one code do not tell
@@ -322,4 +324,5 @@ NO_ERROR = (
     "bench: angles of two planes exchanged",
     "bench: width and height of the projector exchanged",  # they are equal
     "bench: 12-bit values cut to 8",  # they have 8
+    "bench: copies in 8 bits in one capture",
 )
