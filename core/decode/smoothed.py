@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from core.decode.frames import Image
 from core.decode.response import Wave
 from core.decode.tables import Array, Singles
+from core.model import Note
 from core.numerics import quantum
 
 TILE, ACROSS = 32, 5  # pixels a side of the squares that are looked at, and their number along each axis
@@ -29,10 +30,11 @@ TILES = 0.3  # quantile of the squares: an object's edges are in others
 LEFT = 0.3, 0.45
 SEEN = 3.0  # times what rounding of grey values makes
 HARMONICS = 6  # of fringes, that are none of the noise
-SMOOTHED = (
+SMOOTHED = Note(
     "The frames were smoothed after exposure: neighbouring pixels share noise that a sensor makes in each alone. A "
     "filter against noise, the camera's own noise reduction, or enlarging does this; coordinates shift at edges, and "
-    "sigma does not hold what neighbours share. Switch it off, and record frames as they are."
+    "sigma does not hold what neighbours share. Switch it off, and record frames as they are.",
+    "mistake",
 )
 
 
