@@ -229,6 +229,11 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
     for k in (1, -1, 2, -2):
         moved = np.roll(values, k, axis=0)[list(looked.shots)]
         yield f"they fit if every frame stands {abs(k)} {'later' if k < 0 else 'earlier'} in the list", moved, patterns
+    for first in (0, 1):
+        as_text = np.argsort([str(k + first) for k in range(len(values))])
+        if (as_text != np.arange(len(values))).any():
+            text = "they fit if their files are sorted by number: now 10 stands before 2, as in a sorted text"
+            yield text, values[np.argsort(as_text)][list(looked.shots)], patterns
     if (beside := _beside(plan, looked)) is not None:
         text = "they fit if the phase steps of columns and rows are exchanged: axis"
         yield text, values[beside], patterns

@@ -30,7 +30,7 @@ estimate.py   on demand: every pixel adjusted to all its frames, the blur found 
   refined.py    its kernels
 codes.py      on demand: places within the cells of codes that have no phases
 compressed.py frames compressed with losses, and what that does to phases
-smoothed.py   frames that were smoothed, told by noise that neighbours share
+filtered.py   frames that were smoothed or sharpened, told by how noise differs between neighbours
 evenness.py   the even image without what a response leaves of fringes in the mean of few steps
 footprint.py  coordinates that edges have drawn to the brighter side, and light from beside
 islands.py    coordinates that nothing around vouches for

@@ -22,6 +22,7 @@ from core.decode.edges import sigma_of_edges
 from core.decode.estimate import Planes, estimable, refine
 from core.decode.evenness import level_out
 from core.decode.exposures import DEEPEST, fuse_exposures
+from core.decode.filtered import filtered
 from core.decode.folded import take_waves_out
 from core.decode.footprint import draw_back
 from core.decode.frames import Image, check_images
@@ -40,7 +41,6 @@ from core.decode.overexposed import relight
 from core.decode.repeated import drop_repeated
 from core.decode.ripple import take_ripple_out
 from core.decode.sections import decode_sections, section_scratch
-from core.decode.smoothed import SMOOTHED, smoothed
 from core.decode.tables import CODE, NOTHING, PHASES, SWEEP, Limits, Singles
 from core.errors import InputError
 from core.lazy import dataclass
@@ -182,7 +182,8 @@ def _altered(sequence: Prepared, images: Sequence[Image], saturation: float) -> 
     if compressed_in_blocks([images[n] for n in {*even, 0, len(images) - 1}]):
         return (COMPRESSED,)
     fringes = (*sequence.waves, *sequence.sharp)
-    return (SMOOTHED,) if smoothed(images, sequence.contrasts, fringes, saturation) else ()
+    note = filtered(images, sequence.contrasts, fringes, saturation)
+    return () if note is None else (note,)
 
 
 def _in_grey_values(phase: PhaseMap, steps: float) -> PhaseMap:

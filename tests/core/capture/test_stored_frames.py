@@ -193,6 +193,7 @@ EXCHANGED: dict[str, tuple[Callable[[Frames], Frames], str]] = {
     "all inverted": (lambda f: [255 - i for i in f], "inverted"),
     "one later": (lambda f: f[1:] + f[:1], "earlier|contradict"),
     "in reverse order": (lambda f: f[::-1], "reverse order"),
+    "sorted as text": (lambda f: [f[k] for k in sorted(range(len(f)), key=str)], "sorted by number: now 10 stands"),
     "one inverted": (lambda f: [255 - i if k == 3 else i for k, i in enumerate(f)], "frame 3 .*its inverse"),
     "one black": (lambda f: [0 * i if k == 3 else i for k, i in enumerate(f)], "frame 3 .*shows black"),
     "white and black exchanged": (lambda f: swapped(f, -1, -2), "exchanged"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from core.decode import decode
-from core.decode.smoothed import SMOOTHED
+from core.decode.filtered import SHARPENED, SMOOTHED
 from core.patterns import parse_sequence
 from tests.core.decode.conftest import Bench
 
@@ -21,33 +21,43 @@ def interpolated(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BayerBG2BGR), cv2.COLOR_BGR2GRAY)
 
 
+def sharpened(image: np.ndarray) -> np.ndarray:
+    return cv2.addWeighted(image, 2.0, cv2.GaussianBlur(image, (0, 0), 1.5), -1.0, 0)
+
+
 def dots(shape: tuple[int, int]) -> np.ndarray:
     y, x = np.mgrid[: shape[0], : shape[1]]
     return 0.15 + 0.85 * (np.hypot(y % 30 - 15, x % 30 - 15) < 9)
 
 
-FRAMES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], dict[str, Any], bool]] = {
-    "Gaussian of 1 px": (lambda i: cv2.GaussianBlur(i, (0, 0), 1.0), {}, True),
-    "Gaussian of 1.5 px, twelve bits": (lambda i: cv2.GaussianBlur(i, (0, 0), 1.5), {"bits": 12, "gain": 900.0}, True),
-    "median of 5 px": (lambda i: cv2.medianBlur(i, 5), {}, True),
-    "enlarged threefold": (lambda i: cv2.resize(i[:67, :87], i.shape[::-1]), {}, True),
-    "as they are": (lambda i: i, {}, False),
-    "a colour camera's": (interpolated, {}, False),
-    "rounded, hardly any noise": (lambda i: i, {"dark": 0.01}, False),
+FRAMES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], dict[str, Any], str]] = {
+    "Gaussian of 1 px": (lambda i: cv2.GaussianBlur(i, (0, 0), 1.0), {}, SMOOTHED),
+    "Gaussian of 1.5 px, twelve bits": (
+        lambda i: cv2.GaussianBlur(i, (0, 0), 1.5),
+        {"bits": 12, "gain": 900.0},
+        SMOOTHED,
+    ),
+    "median of 5 px": (lambda i: cv2.medianBlur(i, 5), {}, SMOOTHED),
+    "enlarged threefold": (lambda i: cv2.resize(i[:67, :87], i.shape[::-1]), {}, SMOOTHED),
+    "unsharp mask": (sharpened, {"ambient": 40.0}, SHARPENED),
+    "as they are": (lambda i: i, {}, ""),
+    "a colour camera's": (interpolated, {}, ""),
+    "rounded, hardly any noise": (lambda i: i, {"dark": 0.01}, ""),
     "harmonics of a gamma on dots": (
         lambda i: np.uint8(20 + 190 * (i / 255.0) ** 1.7),
         {"ambient": 30.0, "gain": 200 * dots((200, 260)), "dark": 0.5},
-        False,
+        "",
     ),
 }
 
 
 @pytest.mark.parametrize("name", FRAMES)
-def test_frames_that_were_smoothed_are_told_and_no_others(name: str, bench: Callable[..., Bench]) -> None:
+def test_frames_that_were_filtered_are_told_and_no_others(name: str, bench: Callable[..., Bench]) -> None:
     change, more, told = FRAMES[name]
     y, x = np.mgrid[:200, :260]
     place = {"u": 10.2 + 1.05 * x + 0.05 * y, "v": 8.4 + 1.1 * y - 0.06 * x, "lines": LINES}
     patterns = parse_sequence("gray-sine:period=16,steps=4").patterns(LINES)
     b = Bench(**place, **{"blur": 0.6, "dark": 3.0, **more})
     images = [np.ascontiguousarray(change(i)) for i in b.take(patterns)]
-    assert (SMOOTHED in decode(patterns, images, lines=LINES).notes) == told
+    found = [note for note in decode(patterns, images, lines=LINES).notes if note in (SMOOTHED, SHARPENED)]
+    assert found == [told] * bool(told)

@@ -1,13 +1,14 @@
-"""Whether frames were smoothed after they were exposed, told by the noise that neighbours then share.
+"""Whether frames were smoothed or sharpened after they were exposed, told by how noise differs between neighbours.
 
 A sensor's noise is as strong in fine ripples as in coarse ones. Filters against noise, a camera's own among them, and
-enlarging take the fine ones out. So does the interpolation of a colour camera's mosaic, but less.
+enlarging take the fine ones out, sharpening raises them. The interpolation of a colour camera's mosaic takes out less.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +22,15 @@ from core.numerics import quantum
 TILE, ACROSS = 32, 5  # pixels a side of the squares that are looked at, and their number along each axis
 FEWEST = 9  # of them that tell anything
 MOST = 2  # contrasts of frames that are looked at
-WHOLE = 0.98  # of a square's pixels that are neither saturated nor at 0
-COARSE, FINE = (0.06, 0.13), (0.2, 0.3)  # cycles a pixel; coarser ones may be lamps and stripes
+WHOLE, ABOVE = 0.98, 0.5  # of a square's pixels that are not saturated, and above 0: noise cut off there stays white
+COARSE, FINE, FINEST = (0.06, 0.13), (0.2, 0.3), (0.3, 0.5)  # cycles a pixel; coarser ones may be lamps and stripes
 WAYS = 6  # directions in which ripples run: edges and harmonics of fringes do not lie in all
 TILES = 0.3  # quantile of the squares: an object's edges are in others
 # of the power, with the harmonics of fringes and without them: unfiltered 0.8 to 1.3, interpolated mosaics 0.43 to 0.7;
 # a Gaussian of 1 px 0.1 to 0.25 and up to 0.33. Without them 105 sound scenes that seem smoothed have more than 0.52
 LEFT = 0.3, 0.45
 SEEN = 3.0  # times what rounding of grey values makes
+RAISED = 1.7  # times as much; unfiltered up to 1.3, an unsharp mask by half 1.5 to 1.8, by all 2.1 to 3
 HARMONICS = 6  # of fringes, that are none of the noise
 SMOOTHED = Note(
     "The frames were smoothed after exposure: neighbouring pixels share noise that a sensor makes in each alone. A "
@@ -36,21 +38,33 @@ SMOOTHED = Note(
     "sigma does not hold what neighbours share. Switch it off, and record frames as they are.",
     "mistake",
 )
+SHARPENED = Note(
+    "The frames were sharpened after exposure: noise is stronger between neighbouring pixels than over several, where "
+    "a sensor's is alike. Edges of dots and stripes then overshoot, and what is read there shifts. Switch sharpening "
+    "off, and record frames as they are.",
+    "mistake",
+)
 
 
-def smoothed(images: Sequence[Image], contrasts: Array, waves: Sequence[Wave], saturation: float) -> bool:
+def filtered(images: Sequence[Image], contrasts: Array, waves: Sequence[Wave], saturation: float) -> Note | None:
     """Look at combinations (k, frames) of frames that show noise only, besides harmonics of the waves, in squares."""
-    few = contrasts[:MOST]
-    return all(
-        _left_of_fine(images, few, without, saturation) < left for without, left in zip(((), waves), LEFT, strict=True)
-    )
+    seen = _ripples(images, contrasts[:MOST], (), saturation)
+    if seen.least < LEFT[0]:
+        return SMOOTHED if _ripples(images, contrasts[:MOST], waves, saturation).least < LEFT[1] else None
+    return SHARPENED if seen.finest > RAISED else None
 
 
-def _left_of_fine(images: Sequence[Image], contrasts: Array, waves: Sequence[Wave], saturation: float) -> float:
-    """Power of fine ripples over that of coarse ones; 1 where there is nothing that tells it."""
+class Ripples(NamedTuple):
+    """Power of finer ripples over that of coarse ones; 1 where nothing tells it."""
+
+    least: float  # of fine ones, by the least direction of coarse ones
+    finest: float  # of the finest, by coarse ones in all directions
+
+
+def _ripples(images: Sequence[Image], contrasts: Array, waves: Sequence[Wave], saturation: float) -> Ripples:
     shape = images[0].shape
     if not len(contrasts) or min(shape) < TILE:
-        return 1.0
+        return Ripples(1.0, 1.0)
     if not waves:  # which other frames show as well
         used = np.flatnonzero(np.abs(contrasts).max(axis=0) > 0).tolist()
         images, contrasts = [images[n] for n in used], contrasts[:, used]
@@ -58,19 +72,21 @@ def _left_of_fine(images: Sequence[Image], contrasts: Array, waves: Sequence[Wav
     powers, step = [], 1.0
     for top, left in product(*(np.linspace(0, size - TILE, ACROSS).astype(int).tolist() for size in shape)):
         grey = np.stack([image[top : top + TILE, left : left + TILE] for image in images]).astype(np.float32)
-        if np.mean((grey.max(axis=0) < saturation) & (grey.min(axis=0) > 0)) < WHOLE:
+        if np.mean(grey.max(axis=0) < saturation) < WHOLE or np.mean(grey.min(axis=0) > 0) < ABOVE:
             continue
         step = max(step, quantum(grey)) if images[0].itemsize > 1 else step
         residual = _residual(grey.reshape(len(grey), -1), contrasts.astype(np.float32), waves)
         powers.append(np.square(np.abs(np.fft.rfft2(residual.reshape(-1, TILE, TILE) * (window[:, None] * window)))))
     if len(powers) < FEWEST:
-        return 1.0
+        return Ripples(1.0, 1.0)
     usual = np.quantile(powers, TILES, axis=0) / (np.log(1 / (1 - TILES)) * np.square(np.square(window).sum()))
     down, across = np.meshgrid(np.fft.fftfreq(TILE), np.fft.rfftfreq(TILE), indexing="ij")
     ripple, way = np.hypot(down, across), np.arctan2(down, across) % np.pi // (np.pi / WAYS)
-    coarse = min([_usual(usual, (ripple >= COARSE[0]) & (ripple < COARSE[1]) & (way == k)) for k in range(WAYS)])
-    fine = _usual(usual, (ripple >= FINE[0]) & (ripple < FINE[1]))
-    return fine / coarse if coarse > SEEN * step * step / 12 else 1.0
+    coarse, fine, finest = ((ripple >= low) & (ripple < high) for low, high in (COARSE, FINE, FINEST))
+    least = min([_usual(usual, coarse & (way == k)) for k in range(WAYS)])
+    if least <= SEEN * step * step / 12:
+        return Ripples(1.0, 1.0)
+    return Ripples(_usual(usual, fine) / least, _usual(usual, finest) / _usual(usual, coarse))
 
 
 def _residual(grey: Singles, contrasts: Singles, waves: Sequence[Wave]) -> Singles:
