@@ -68,11 +68,16 @@ class DeviceSpec:
         return not self.nominal_c_mm
 
     @property
+    def half_diagonal_mm(self) -> float:
+        """Half the image diagonal."""
+        return float(np.hypot(self.width * self.pitch_mm[0], self.height * self.pitch_mm[1]) / 2)
+
+    @property
     def zero_radius_mm(self) -> float:
         """Where the radial parameters are zero: the given r0, else 2/3 of half the image diagonal."""
         if self.r0_mm is not None:
             return self.r0_mm
-        return float(np.hypot(self.width * self.pitch_mm[0], self.height * self.pitch_mm[1]) / 3)
+        return self.half_diagonal_mm * 2 / 3
 
     @property
     def model(self) -> str:

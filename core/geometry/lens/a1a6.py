@@ -85,7 +85,7 @@ def _undistort(interior: Interior, m: Array, tolerance_mm: float) -> Array:
 
 
 def _usual_sigma(spec: DeviceSpec) -> Array:
-    half = 1.5 * spec.zero_radius_mm  # half the diagonal
+    half = spec.half_diagonal_mm
     main = [0.2 * spec.nominal_c_mm, 0.05 * half, 0.05 * half]
     radial = [0.1 / half**2, 0.1 / half**4]  # they move the corner by a tenth of its radius
     return np.array([*main, *radial, 0.05, 0.02, 0.01 / half, 0.01 / half])

@@ -56,7 +56,7 @@ def _derivatives(interior: Interior, xy: Array) -> tuple[Array, Array]:
 
 
 def _usual_sigma(spec: DeviceSpec) -> Array:
-    half = 1.5 * spec.zero_radius_mm
+    half = spec.half_diagonal_mm
     t2 = (half / spec.nominal_c_mm) ** 2  # of a corner
     main = [0.2 * spec.nominal_c_mm, 0.05 * half, 0.05 * half]
     radial = [0.1 / t2, 0.1 / t2**2, 0.1 / t2**3]  # they move the corner by a tenth of its radius

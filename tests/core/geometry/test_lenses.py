@@ -30,6 +30,13 @@ def test_every_model_of_the_folder_is_tried_here() -> None:
     assert set(LENSES) == set(EXAMPLES)
 
 
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_is_usual_of_a_lens_does_not_depend_on_r0(name: str) -> None:
+    """A project may put it in the middle of the image."""
+    usual = LENSES[name].usual_sigma
+    np.testing.assert_array_equal(usual(replace(SPEC, r0_mm=0.0)), usual(SPEC))
+
+
 def test_brown_is_what_opencv_projects() -> None:
     interior = example("brown")
     rng = np.random.default_rng(1)
