@@ -55,35 +55,6 @@ def _derivatives(interior: Interior, xy: Array) -> tuple[Array, Array]:
     return by_xy, by_parameter
 
 
-def _undistort(interior: Interior, m: Array, tolerance_mm: float) -> Array:
-    """Newton's method on `distort` with its analytic Jacobian; the affine step is undone in closed form."""
-    a1, a2, a3, a4, a5, a6 = interior.a
-    det = (1 + a3) * (1 - a3) - a4 * a4
-    x1 = ((1 - a3) * m[..., 0] - a4 * m[..., 1]) / det - interior.x0_mm
-    y1 = ((1 + a3) * m[..., 1] - a4 * m[..., 0]) / det - interior.y0_mm
-    x, y = x1.copy(), y1.copy()
-    r02 = interior.r0_mm**2
-    step2 = np.full(x.shape, np.inf)
-    with np.errstate(all="ignore"):
-        for _ in range(20):
-            r2 = x * x + y * y
-            d = a1 * (r2 - r02) + a2 * (r2 * r2 - r02 * r02)
-            fx = x + x * d + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) - x1
-            fy = y + y * d + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) - y1
-            dr = 2 * (a1 + 2 * a2 * r2)
-            jxx = 1 + d + x * x * dr + 2 * a5 * y + 6 * a6 * x
-            jxy = x * y * dr + 2 * a5 * x + 2 * a6 * y
-            jyy = 1 + d + y * y * dr + 2 * a6 * x + 6 * a5 * y
-            j = jxx * jyy - jxy * jxy
-            sx, sy = (jyy * fx - jxy * fy) / j, (jxx * fy - jxy * fx) / j
-            x, y = x - sx, y - sy
-            step2 = sx * sx + sy * sy  # a fifth of the time of a hypotenuse
-            if not np.any(step2 > tolerance_mm**2):
-                break
-    lost = ~(step2 <= tolerance_mm**2)
-    return np.stack([np.where(lost, np.nan, x), np.where(lost, np.nan, y)], axis=-1)
-
-
 def _usual_sigma(spec: DeviceSpec) -> Array:
     half = spec.half_diagonal_mm
     main = [0.2 * spec.nominal_c_mm, 0.05 * half, 0.05 * half]
@@ -127,7 +98,6 @@ LENS = Lens(
     ),
     distort=_distort,
     derivatives=_derivatives,
-    undistort=_undistort,
     referred=_referred,
     usual_sigma=_usual_sigma,
 )

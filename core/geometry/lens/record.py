@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-import numpy as np
-
 from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior
 
@@ -41,8 +39,6 @@ class Lens:
     derivatives: Callable[[Interior, Array], tuple[Array, Array]]
     #: ``(spec) -> (k,)``: what one knows of any device's parameters, c included
     usual_sigma: Callable[[DeviceSpec], Array]
-    #: ``(interior, measured, tolerance_mm) -> xy``, NaN where it cannot be inverted; None for Newton's method
-    undistort: Callable[[Interior, Array, float], Array] | None = None
     #: ``(interior, r0_mm) -> interior``: the same imaging with the radial terms' zero elsewhere; None without r0
     referred: Callable[[Interior, float], Interior] | None = None
 
@@ -82,21 +78,3 @@ class Lens:
         """Leave out all that bends straight lines."""
         kept = [v if p.kind == "affine" else 0.0 for p, v in zip(self.additional, interior.a, strict=True)]
         return Interior(interior.c_mm, interior.x0_mm, interior.y0_mm, tuple(kept), interior.r0_mm, interior.model)
-
-
-def newton(lens: Lens, interior: Interior, measured: Array, tolerance_mm: float, most: int = 20) -> Array:
-    """Invert `distort` by Newton's method, shape (..., 2) both; NaN where it does not converge."""
-    xy = measured - np.array([interior.x0_mm, interior.y0_mm])
-    step = np.full(xy.shape[:-1], np.inf)
-    with np.errstate(all="ignore"):
-        for _ in range(most):
-            off = lens.distort(interior, xy) - measured
-            J = lens.derivatives(interior, xy)[0]
-            det = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
-            sx = (J[..., 1, 1] * off[..., 0] - J[..., 0, 1] * off[..., 1]) / det
-            sy = (J[..., 0, 0] * off[..., 1] - J[..., 1, 0] * off[..., 0]) / det
-            xy = xy - np.stack([sx, sy], axis=-1)
-            step = np.hypot(sx, sy)
-            if not np.any(step > tolerance_mm):
-                break
-    return np.where((step <= tolerance_mm)[..., None], xy, np.nan)
