@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,8 @@ FEWEST, ENOUGH = 100, 800  # pixels that tell where the others look
 DOUBT, FARTHER = 1.0, 3.0  # lines, by which that surface may be off there, at least; times the median outside
 TRIMMED = 0.5  # of them that lie farthest from a smooth surface do not count
 USUAL = 2 / np.sqrt(np.pi)  # mean difference of two normal deviates
+
+_Surface = tuple[Array, float]  # a coordinate at some pixels, and by how much it may be off
 
 
 def late_frames(
@@ -57,7 +58,7 @@ def late_frames(
         outside = np.ones_like(lit)
         outside[first:last] = last - first > MOST * len(rows)
         seen = (grey[:, some] - low[some]) / (high - low)[some]
-        if _unchanged(n, patterns, seen, [_Surface(each.reshape(lit.shape), outside, some) for each in place]):
+        if _unchanged(n, patterns, seen, [_surface(each.reshape(lit.shape), outside, some) for each in place]):
             told = f"Frame {n} shows the pattern of frame {n - 1}"
             notes[n] = (
                 f"{told}: it was exposed before the pattern changed, or the projector did not change it. Wait longer "
@@ -90,38 +91,22 @@ def _unchanged(n: int, patterns: Sequence[Pattern], seen: Array, place: Sequence
     return bool(np.abs(seen[n] - seen[n - 1])[telling].mean() < SEEN * expected[telling].mean())
 
 
-class _Surface:
-    """Quadratic surface through most of one coordinate outside some pixels, and there; found when it is asked for."""
-
-    def __init__(self, place: Singles, outside: NDArray[np.bool_], some: NDArray[np.bool_]) -> None:
-        self.place, self.outside, self.some = place, outside, some
-        self._lines: dict[float, Array] = {}
-
-    @cached_property
-    def fitted(self) -> tuple[Array, float]:
-        """Coordinate at the pixels, and by how much it may be off; NaN where too few are known outside."""
-        known = np.flatnonzero(np.isfinite(self.place) & self.outside)
-        if len(known) < FEWEST:
-            return np.full(np.count_nonzero(self.some), np.nan), np.nan
-        known = known[:: max(1, len(known) // ENOUGH)]
-        design, values = _terms(known, self.some.shape), self.place.ravel()[known].astype(float)
-        away, rank = np.zeros(len(known)), int((1 - TRIMMED) * (len(known) - 1))
-        for _ in range(4):
-            kept = away <= np.partition(away, rank)[rank]
-            half = design[:, kept]
-            ridge = 1e-9 * half.shape[1] * np.eye(len(half))  # of one row alone there is no slope
-            terms = np.linalg.solve(half @ half.T + ridge, half @ values[kept])
-            away = np.abs(values - terms @ design)
-        farther = 1.0 if self.outside.all() else FARTHER
-        here = _terms(np.flatnonzero(self.some), self.some.shape)
-        return terms @ here, max(DOUBT, farther * median_of(away))
-
-    def lines(self, doubts: float) -> Array:
-        """Whole lines at the pixels, off by some doubts; NaN where they are not known."""
-        if doubts not in self._lines:
-            at, doubt = self.fitted
-            self._lines[doubts] = np.rint(at + doubts * doubt)
-        return self._lines[doubts]
+def _surface(place: Singles, outside: NDArray[np.bool_], some: NDArray[np.bool_]) -> _Surface:
+    """A coordinate at some pixels by a quadratic surface through most of those outside; NaN where too few are known."""
+    known = np.flatnonzero(np.isfinite(place) & outside)
+    if len(known) < FEWEST:
+        return np.full(np.count_nonzero(some), np.nan), np.nan
+    known = known[:: max(1, len(known) // ENOUGH)]
+    design, values = _terms(known, some.shape), place.ravel()[known].astype(float)
+    away, rank = np.zeros(len(known)), int((1 - TRIMMED) * (len(known) - 1))
+    for _ in range(4):
+        kept = away <= np.partition(away, rank)[rank]
+        half = design[:, kept]
+        ridge = 1e-9 * half.shape[1] * np.eye(len(half))  # of one row alone there is no slope
+        terms = np.linalg.solve(half @ half.T + ridge, half @ values[kept])
+        away = np.abs(values - terms @ design)
+    farther = 1.0 if outside.all() else FARTHER
+    return terms @ _terms(np.flatnonzero(some), some.shape), max(DOUBT, farther * median_of(away))
 
 
 def _terms(pixels: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
@@ -135,9 +120,10 @@ def _light(patterns: Sequence[Pattern], place: Sequence[_Surface], doubts: float
     for pattern in patterns:
         axis = axis_of(pattern)
         if axis is None:
-            levels.append(np.full(np.count_nonzero(place[0].some), float(level_of(pattern) or 0)))
+            levels.append(np.full(len(place[0][0]), float(level_of(pattern) or 0)))
         else:
-            lines = place[axis == "y"].lines(doubts)
+            at, doubt = place[axis == "y"]
+            lines = np.rint(at + doubts * doubt)
             known = np.isfinite(lines)
             shown = brightness(pattern, lines if known.all() else np.where(known, lines, 0.0))
             levels.append(np.where(known, shown, np.nan))
