@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.model import Floats
-from core.numerics import quantile_of, sigma_by_median
+from core.numerics import exponents, polynomial, quantile_of, sigma_by_median
 from core.parallel import run_in_bands
 from core.progress import SILENT, Progress
 
@@ -140,8 +140,7 @@ def _trend(measured: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, float]:
     values = measured.ravel()[index].astype(np.float64)
     weights = np.ones(len(values))
     for degree in TREND_DEGREES:
-        powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-        design = np.stack([px**i * py**j for i, j in powers], axis=1)
+        design = polynomial(px, py, degree)
         for _ in range(TREND_STEPS):  # least absolute deviations, and what lies far off does not count
             weighted = design * weights[:, None]
             solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ values, rcond=None)[0]
@@ -149,6 +148,6 @@ def _trend(measured: Floats, valid: NDArray[np.bool_]) -> tuple[Floats, float]:
             spread = max(sigma_by_median(rest), 1e-6)
             weights = (rest <= DISTURBED_FACTOR * spread) / np.maximum(rest, 0.1 * spread)
     terms, all_powers = np.zeros((degree + 1, degree + 1)), np.arange(degree + 1)
-    terms[tuple(np.transpose(powers))] = solution
+    terms[tuple(np.transpose(exponents(degree)))] = solution
     surface = (y[:, None] ** all_powers) @ terms.T @ (x[:, None] ** all_powers).T
     return surface.astype(np.float32), spread
