@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from core.compiling import njit
 from core.model import Array, Ints
+from core.numerics import normal_equations, polynomial
 
 CHOICES = 4  # spots looked at round a prediction
 NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
@@ -25,57 +26,22 @@ WHY = (
 )  # a target has no spot
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
 def foretell(
-    targets: Ints,
-    neighbours: Ints,
-    blob: Ints,
-    spots: Array,
-    base: Array,
-    xyz: Array,
-    spacing: Array,
-    uv: Array,
-    support: Ints,
-) -> None:  # pragma: no cover  compiled
+    targets: Ints, neighbours: Ints, blob: Ints, spots: Array, base: Array, xyz: Array, spacing: Array
+) -> tuple[Array, Ints]:
     """Predict targets (m,): where a view has them, `base` (n, 2) px, and what it misses of their neighbours (n, k).
 
     What it misses is carried on linearly: a weighted fit of a line, its slopes held near zero by a little so that few
     neighbours suffice. `blob` (n,) numbers the spot of every target, -1 where none; `spots` (s, 2) px; `xyz` (n, 3) and
-    `spacing` (n,) are the board's, mm. Fills `uv` (m, 2), NaN where the view sees nothing, and `support` (m,), how many
-    neighbours told it.
+    `spacing` (n,) are the board's, mm. Places (m, 2) are NaN where the view sees nothing; (m,) neighbours told them.
     """
-    for m in range(len(targets)):
-        t = targets[m]
-        count, n00, n01, n02, n11, n12, n22 = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        bu0, bu1, bu2, bv0, bv1, bv2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(neighbours.shape[1]):
-            j = neighbours[t, i]
-            if blob[j] < 0 or not np.isfinite(base[j, 0]):
-                continue
-            x, y = (xyz[j, 0] - xyz[t, 0]) / spacing[t], (xyz[j, 1] - xyz[t, 1]) / spacing[t]
-            w = 1.0 / (0.3 + x * x + y * y) ** 2
-            u, v = w * (spots[blob[j], 0] - base[j, 0]), w * (spots[blob[j], 1] - base[j, 1])
-            n00, n01, n02, n11, n12, n22 = (
-                n00 + w,
-                n01 + w * x,
-                n02 + w * y,
-                n11 + w * x * x,
-                n12 + w * x * y,
-                n22 + w * y * y,
-            )
-            bu0, bu1, bu2, bv0, bv1, bv2 = bu0 + u, bu1 + u * x, bu2 + u * y, bv0 + v, bv1 + v * x, bv2 + v * y
-            count += 1
-        total = max(n00, 1e-12)
-        n00, n11, n22 = n00 + 1e-9 * total + 1e-12, n11 + STIFF * total, n22 + STIFF * total
-        det = n11 * n22 - n12 * n12
-        p, q = (
-            (n01 * n22 - n02 * n12) / det,
-            (n02 * n11 - n01 * n12) / det,
-        )  # which take the slopes out of the first row
-        rest = n00 - p * n01 - q * n02
-        uv[m, 0] = base[t, 0] + (bu0 - p * bu1 - q * bu2) / rest
-        uv[m, 1] = base[t, 1] + (bv0 - p * bv1 - q * bv2) / rest
-        support[m] = count
+    near = neighbours[targets]
+    known = (blob[near] >= 0) & np.isfinite(base[near, 0])
+    x, y = np.moveaxis((xyz[near] - xyz[targets, None])[..., :2] / spacing[targets, None, None], -1, 0)
+    missed = np.where(known[..., None], spots[blob[near]] - base[near], 0.0)
+    N, b = normal_equations(polynomial(x, y, 1), known / (0.3 + x * x + y * y) ** 2, missed)
+    stiff = np.maximum(N[:, :1, :1], 1e-12) * np.diag([1e-9, STIFF, STIFF])
+    return base[targets] + np.linalg.solve(N + stiff, b)[:, 0], np.count_nonzero(known, axis=1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -108,13 +74,9 @@ def choose(
         t, known = targets[m], 0
         for i in range(neighbours.shape[1]):
             if blob[neighbours[t, i]] >= 0:
-                value, k = contrast[blob[neighbours[t, i]]], known
-                while k > 0 and around[k - 1] > value:
-                    around[k] = around[k - 1]
-                    k -= 1
-                around[k] = value
+                around[known] = contrast[blob[neighbours[t, i]]]
                 known += 1
-        typical = (around[(known - 1) // 2] + around[known // 2]) / 2 if known else np.nan
+        typical = np.median(around[:known]) if known else np.nan
         count = 0
         for s in range(len(spots)):
             away = (spots[s, 0] - uv[m, 0]) ** 2 + (spots[s, 1] - uv[m, 1]) ** 2

@@ -83,9 +83,8 @@ def predict(lattice: Lattice, targets: Ints) -> tuple[Array, Array, Ints]:
     """
     board = lattice.board
     base, jacobian = lattice.expected()
-    uv, support = np.empty((len(targets), 2)), np.empty(len(targets), np.int64)
-    of_board = board.xyz_mm, board.spacing_mm
-    foretell(targets, board.neighbours, lattice.blob, lattice.blobs.uv, base, *of_board, uv, support)
+    spots, of_board = (lattice.blob, lattice.blobs.uv), (board.xyz_mm, board.spacing_mm)
+    uv, support = foretell(targets, board.neighbours, *spots, base, *of_board)
     return uv, jacobian[targets], support
 
 

@@ -39,9 +39,8 @@ def board() -> dict[str, np.ndarray]:
 
 def test_targets_are_foretold_by_a_weighted_line_through_what_their_neighbours_miss(board):
     b, targets = board, np.flatnonzero(board["blob"] < 0)
-    uv, support = np.empty((len(targets), 2)), np.empty(len(targets), np.int64)
     names = ("neighbours", "blob", "spots", "base", "xyz", "spacing")
-    foretell(targets, *(b[name] for name in names), uv, support)
+    uv, support = foretell(targets, *(b[name] for name in names))
     for t, place, count in zip(targets, uv, support, strict=True):
         near = [j for j in b["neighbours"][t] if b["blob"][j] >= 0 and np.isfinite(b["base"][j, 0])]
         offset = (b["xyz"][near, :2] - b["xyz"][t, :2]) / b["spacing"][t]
