@@ -14,7 +14,7 @@ from core.calibrate.state import State, Unknowns, interior_of, pinholes
 from core.compiling import njit
 from core.geometry import LENSES
 from core.lazy import dataclass
-from core.model import Array, Ints, NetworkScale
+from core.model import Array, NetworkScale
 from core.parallel import run_in_bands
 
 POSE, POINT, GLOBALS, INTERIOR = 0, 6, 9, 15  # where the columns begin; GLOBALS: relative, then interior
@@ -171,18 +171,13 @@ def cost_of(problem: Problem, state: State) -> float:
     return weighted_squares(problem, state, misclosures(problem, state))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _largest(device: Ints, root_weight: Array, J: Array, largest: Array) -> None:  # pragma: no cover  compiled
-    for o in range(len(device)):
-        for a in range(2):
-            if root_weight[o, a] > 0:
-                unit = 1.0 / root_weight[o, a]
-                for j in range(largest.shape[2]):
-                    largest[device[o], a, j] = max(largest[device[o], a, j], abs(J[o, a, GLOBALS + j]) * unit)
-
-
 def largest_displacements(problem: Problem, equations: Equations) -> Array:
     """How far in its image each device's global parameters move a point at most, mm per unit, as `columns`."""
-    largest = np.zeros((len(problem.raster), 2, problem.columns.shape[1]))
-    _largest(problem.device, problem.root_weight, equations.J, largest)
-    return np.asarray(np.max(largest * problem.raster[:, :2, None], axis=1))
+    largest = np.zeros(problem.columns.shape)
+    for d, raster in enumerate(problem.raster):
+        own = problem.device == d
+        root = problem.root_weight[own]
+        unit = np.where(root > 0, raster[:2], 0.0) / np.where(root > 0, root, 1.0)
+        moved = np.abs(equations.J[own, :, GLOBALS:]) * unit[..., None]
+        largest[d] = moved.max(axis=(0, 1), initial=0.0)
+    return largest
