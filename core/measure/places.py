@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from core.lazy import dataclass
 from core.measure.blobs import SMALLEST_PX
 from core.model import Array, Floats
-from core.numerics import four_pixels, from_neighbours
+from core.numerics import MEDIAN_OF_NORMAL, four_pixels, from_neighbours
 
 STANDS_OUT = 6.0  # a faint dot stands out from its surroundings by so many sigmas
 OUT = (0.5, 0.65, 0.8, 1.0)  # of the way to within a dot
@@ -52,13 +52,17 @@ def reduced(grey: Floats, factor: int) -> Floats:
     return grey if factor == 1 else np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
+def noise_of(image: Floats) -> float:
+    """Noise of an image in grey values, from second differences along its rows."""
+    return float(np.median(np.abs(np.diff(image, 2)))) / (MEDIAN_OF_NORMAL * np.sqrt(6))
+
+
 def reduced_to(grey: Floats, radius_px: float, *, dark: bool) -> Reduced:
     """Reduce an image in which dots of a radius are bright; it is turned over where they are `dark`."""
     factor = max(1, int(radius_px / SMALLEST_PX))
     small = reduced(grey, factor)
     sigma = max(0.5 * radius_px / factor, 0.7)
-    second = small[:, 2:] - 2 * small[:, 1:-1] + small[:, :-2]
-    noise = float(np.sqrt(np.median(second**2) / 0.455 / 6)) / (2 * np.sqrt(np.pi))
+    noise = noise_of(small) / (2 * np.sqrt(np.pi))
     fine, smooth = (np.asarray(cv2.GaussianBlur(small, (0, 0), s), np.float32) for s in (FINE, sigma))
     darkness = float(smooth.max() if dark else smooth.min())
     return Reduced(fine, smooth, factor, (noise / FINE, noise / sigma), darkness, grey.shape[::-1])

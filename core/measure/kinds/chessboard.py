@@ -23,9 +23,10 @@ from core.measure.crossings import blocks_of_crossings
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
 from core.measure.missing import EXCLUDED, OUTSIDE
 from core.measure.picks import check_picks
+from core.measure.places import noise_of
 from core.measure.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Seed, Testfield
-from core.numerics import MEDIAN_OF_NORMAL, from_neighbours, nearest
+from core.numerics import from_neighbours, nearest
 
 PLAIN = 0.35  # radius that counts, in squares: beyond it are the next corners
 REACH = 2.3  # squares from measured corners at which the next ones are looked for
@@ -222,7 +223,7 @@ def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> M
     missing = _missing(sight, view, np.setdiff1d(np.arange(len(board.row)), known))
     with np.errstate(invalid="ignore"):
         usual = float(np.median(fit.rest))  # noise, and what sharpening in the camera adds
-        dim = ~(np.abs(fit.contrast) > LEAST_CONTRAST * min(usual, _noise(sight.image)))
+        dim = ~(np.abs(fit.contrast) > LEAST_CONTRAST * min(usual, noise_of(sight.image[::4])))
         dim |= np.abs(fit.contrast) < LEAST_SHARE * np.median(np.abs(fit.contrast))
         rough = ~(fit.rest < 1.6 * usual + kind.rough * np.abs(fit.contrast)) | ~np.isfinite(fit.uv[:, 0])
         if np.any(clear := ~rough & ~dim):
@@ -235,12 +236,6 @@ def measure_corners(kind: CornerShape, sight: Sight, seeds: Sequence[Seed]) -> M
         known[good], fit.uv[good], fit.cov[good], area[good], one, fit.blur[good], 0 * fit.uv[good],
         missing | dict.fromkeys(sorted(sight.unwanted), EXCLUDED),
     )  # fmt: skip
-
-
-def _noise(image: NDArray[np.float32]) -> float:
-    """Noise of an image in grey values, from second differences along its rows."""
-    rows = image[::4]
-    return float(np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]))) / (MEDIAN_OF_NORMAL * np.sqrt(6))
 
 
 def _area(axes: Array, arms: Array) -> Array:
