@@ -12,7 +12,7 @@ from core.geometry import project_with_derivatives, similarity
 from core.geometry.intersection import by_parameters
 from core.lazy import dataclass
 from core.model import Array, KnownLength, KnownPoints, Pair, PhaseMap
-from core.orient.residuals import Sight, epipolar_residuals, pixels_within
+from core.orient.residuals import epipolar_residuals, pixels_within, single_places
 
 FEWEST = 6  # pixels of a feature, and known points
 
@@ -101,12 +101,9 @@ def observed_length(known: KnownLength, phase: PhaseMap, pair: Pair) -> Observed
 
 def observed_points(known: KnownPoints, pair: Pair) -> Observed:
     """What points say whose coordinates are known in a frame of their own, wherever it stands."""
-    uv, lines = known.seen[:, :2], known.seen[:, 2:]
-    sight = Sight(
-        np.zeros((len(uv), 2), np.int64), uv, lines, np.ones_like(uv), np.zeros((len(uv), 2, 2)), np.zeros_like(uv)
-    )
     if len(known.xyz_mm) < FEWEST:
         raise InputError("the known points", f"{len(known.xyz_mm)} are seen", f"show at least {FEWEST}")
+    sight = single_places(known.seen[:, :2], known.seen[:, 2:], np.ones((len(known.xyz_mm), 2)))
     _, R, shift = similarity(known.xyz_mm, epipolar_residuals(sight, pair).xyz_mm, scaled=False)
     X = known.xyz_mm @ R.T + shift
     camera, projector = pair.camera, pair.projector

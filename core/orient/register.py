@@ -24,7 +24,7 @@ from core.geometry import Pose, pair_derivatives, pair_for, project
 from core.lazy import dataclass
 from core.model import Array, Overlap, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud, Registration, TargetSet
 from core.numerics import sigma_by_median
-from core.orient.residuals import Residuals, Sight, epipolar_residuals
+from core.orient.residuals import Residuals, epipolar_residuals, single_places
 from core.orient.surface import Surface
 from core.progress import SILENT, Progress
 
@@ -104,7 +104,7 @@ class _Seen:
         row, column = np.rint(at[:, ::-1]).astype(int).T
         sigma = np.stack([self.view.phase.sigma_u[row, column], self.view.phase.sigma_v[row, column]], axis=1)
         sigma = np.where(np.isfinite(sigma), sigma, 1e6).astype(np.float64)  # an axis that was not decoded
-        return epipolar_residuals(_sight(at, uv, sigma), self.pair).by_xyz
+        return epipolar_residuals(single_places(at, uv, sigma), self.pair).by_xyz
 
     @cached_property
     def targets(self) -> Targets:
@@ -121,18 +121,13 @@ def target_points(view: View, pair: Pair) -> Targets:
     seen = np.concatenate([t.camera_uv, t.projector_uv], axis=1)[use]
 
     def residuals(seen: Array) -> Residuals:
-        return epipolar_residuals(_sight(seen[:, :2], seen[:, 2:], t.projector_sigma[use]), pair)
+        return epipolar_residuals(single_places(seen[:, :2], seen[:, 2:], t.projector_sigma[use]), pair)
 
     here, steps = residuals(seen), STEP * np.eye(4)
     J = np.stack([residuals(seen + s).xyz_mm - residuals(seen - s).xyz_mm for s in steps], axis=2) / (2 * STEP)
     noise = J @ t.cov[use] @ np.swapaxes(J, 1, 2)
     names = zip(t.row[use].tolist(), t.col[use].tolist(), strict=True)
     return {name: (here.xyz_mm[i], noise[i], here.by_xyz[i]) for i, name in enumerate(names)}
-
-
-def _sight(at: Array, uv: Array, sigma: Array) -> Sight:
-    none = np.zeros((len(at), 2))
-    return Sight(none.astype(np.int64), at, uv, sigma, np.zeros((len(at), 2, 2)), none)
 
 
 def register(

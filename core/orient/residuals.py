@@ -155,8 +155,12 @@ def pixels_within(phase: PhaseMap, u: float, v: float, radius_px: float) -> Sigh
         for a, b in ((phase.u, phase.v), (phase.sigma_u, phase.sigma_v))
     )
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
-    found = Sight(np.zeros((len(rows), 2), np.int64), pixels, uv, sigma, np.zeros((len(uv), 2, 2)), np.zeros_like(uv))
-    return found.only(np.asarray(np.isfinite(uv + sigma).all(axis=1)))
+    return single_places(pixels, uv, sigma).only(np.asarray(np.isfinite(uv + sigma).all(axis=1)))
+
+
+def single_places(pixels: Array, uv: Array, sigma: Array) -> Sight:
+    """Give a sight of places (n, 2) that are no blocks."""
+    return Sight(np.zeros((len(uv), 2), np.int64), pixels, uv, sigma, np.zeros((len(uv), 2, 2)), np.zeros_like(uv))
 
 
 def of_middles(sight: Sight, side: int, pair: Pair) -> Sight:
