@@ -41,10 +41,7 @@ def look_up(phase: PhaseMap, calibration: DepthCalibration, *, extrapolate: bool
         seen = f"no pixel has the coordinate {calibration.axis} that the depth calibration uses"
         raise NoCoordinateError("phase map", seen, f"capture with patterns along {axis}")
     rays = flat(camera_rays(calibration.camera_spec, calibration.camera))
-    pose = calibration.camera_from_plate
-    normal = pose.rotation[:, 2]  # the plate is its own plane z = 0
-    at_zero = float(normal @ pose.translation_mm)
-    per_mm = float(normal @ (pose.rotation @ calibration.axis_direction))
+    normal, at_zero, per_mm = _plate(calibration)
     plate = (*(float(n) for n in normal), at_zero, per_mm)
     xyz = np.empty((*measured.shape, 3), np.float32)
     sigma_depth = np.empty(measured.shape, np.float32)
@@ -139,12 +136,16 @@ def add_curves(calibration: DepthCalibration, sigma: Floats, xyz: Floats, sigma_
 
 def _plate_z(calibration: DepthCalibration, xyz: Floats) -> Floats:
     """Where along its axis the plate goes through points (H, W, 3)."""
+    normal, at_zero, per_mm = _plate(calibration)
+    return np.asarray(((xyz @ normal.astype(np.float32)) - np.float32(at_zero)) / np.float32(per_mm))
+
+
+def _plate(calibration: DepthCalibration) -> tuple[Array, float, float]:
+    """Of the plate in the camera's frame: its normal (3,), how far along it its origin lies, and goes with z."""
     pose = calibration.camera_from_plate
-    normal = pose.rotation[:, 2]
-    per_mm = float(normal @ pose.rotation @ calibration.axis_direction)
-    return np.asarray(
-        ((xyz @ normal.astype(np.float32)) - np.float32(normal @ pose.translation_mm)) / np.float32(per_mm)
-    )
+    normal = pose.rotation[:, 2]  # the plate is its own plane z = 0
+    along = normal @ (pose.rotation @ calibration.axis_direction)
+    return normal, float(normal @ pose.translation_mm), float(along)
 
 
 def whole_sigma(calibration: DepthCalibration, xyz: Floats, sigma_depth: Floats) -> Floats | None:
