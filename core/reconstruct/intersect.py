@@ -69,7 +69,7 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
 def _axes(phase: PhaseMap, system: System) -> str:
     """Name the coordinates that were decoded, the leading one first."""
     slopes = dict(zip("uv", system.slopes, strict=True))
-    decoded = [name for name, values in (("u", phase.u), ("v", phase.v)) if _any_finite(values)]
+    decoded = [name for name, values in (("u", phase.u), ("v", phase.v)) if np.isfinite(values).any()]
     if not decoded:
         raise NoCoordinateError(
             "phase map", "no pixel has a projector coordinate", "check the capture's frames and exposure"
@@ -80,18 +80,6 @@ def _axes(phase: PhaseMap, system: System) -> str:
         seen = f"only {lead} was decoded, which hardly changes with depth on this rig"
         raise NoCoordinateError("phase map", seen, f"capture with patterns along {'x' if lead == 'v' else 'y'}")
     return "".join(decoded)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _any_finite(values):  # type: ignore[no-untyped-def]
-    """Whether there is a finite value; stops at the first one."""
-    for r in range(values.shape[0]):
-        found = False
-        for c in range(values.shape[1]):
-            found |= np.isfinite(values[r, c])
-        if found:
-            return True
-    return False
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
