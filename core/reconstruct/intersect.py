@@ -60,7 +60,7 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
         if system.radial is None:
             _finish_rows(*solve_rows(system, first, second, axes[0], start, stop), *ends)
         else:
-            _intersect_rows(*first, *second, *ends)
+            _intersect_rows(*first, *second, len(axes) == 2, *ends)
 
     run_in_bands(band, height)
     return PointCloud(xyz, sigma, sigma_depth)
@@ -117,7 +117,23 @@ def _begin_row(u, line, rays, device, X, Y, W, q):  # type: ignore[no-untyped-de
 
 
 @inner(error_model="numpy", fastmath={"contract", "reassoc"})
-def _step(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
+def _step_one(u, sigma, line, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
+    """Newton's step in a row for one coordinate alone, a fifth faster than for two; how many move still."""
+    k0, kx, ky = line
+    moving = 0
+    for c in range(u.shape[0]):
+        x1, y1, dx1, dy1 = _along(q[c], X[c], Y[c], W[c], device)
+        slope = kx * dx1 + ky * dy1
+        rest = np.float64(u[c]) - (k0 + kx * x1 + ky * y1)
+        q[c] += rest / slope
+        sigma_q[c] = np.float64(sigma[c]) / abs(slope)
+        last[c] = abs(rest)
+        moving += last[c] > SETTLED_LINES
+    return moving
+
+
+@inner(error_model="numpy", fastmath={"contract", "reassoc"})
+def _step_two(u, sigma_u, line_u, v, sigma_v, line_v, device, X, Y, W, q, sigma_q, last):  # type: ignore[no-untyped-def]
     """Gauss and Newton's step in a row, the second coordinate without weight where it is NaN; how many move still."""
     for_u, for_v = line_u, line_v
     moving = 0
@@ -205,7 +221,7 @@ def _end_row(r, q, sigma_q, last, W, rays, device, table, step, per_q, nodes, xy
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _intersect_rows(  # type: ignore[no-untyped-def]
-    u, sigma_u, line_u, v, sigma_v, line_v, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
+    u, sigma_u, line_u, v, sigma_v, line_v, both, rays, device, table, step, per_q, xyz, sigma, sigma_depth, start, stop
 ):
     """Intersect rows start to stop - 1."""
     width = u.shape[1]
@@ -216,7 +232,13 @@ def _intersect_rows(  # type: ignore[no-untyped-def]
     for r in range(start, stop):
         _begin_row(u[r], line_u, rays[r], device, X, Y, W, q)
         for _ in range(MOST_STEPS):
-            if _step(u[r], sigma_u[r], line_u, v[r], sigma_v[r], line_v, device, X, Y, W, q, sigma_q, last) == 0:
+            if both:
+                moving = _step_two(
+                    u[r], sigma_u[r], line_u, v[r], sigma_v[r], line_v, device, X, Y, W, q, sigma_q, last
+                )
+            else:
+                moving = _step_one(u[r], sigma_u[r], line_u, device, X, Y, W, q, sigma_q, last)
+            if moving == 0:
                 break
         _end_row(r, q, sigma_q, last, W, rays, device, table, step, per_q, nodes, xyz, sigma, sigma_depth)
 
