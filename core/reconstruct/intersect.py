@@ -58,7 +58,7 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
         points = flat(xyz), flat(sigma), sigma_depth, start, stop
         ends = flat(system.rays), device, table.nodes, table.step, table.per_q, *points
         if system.radial is None:
-            _finish_rows(*solve_rows(system, first, second, axes[0], start, stop), *ends)
+            _finish_rows(*solve_rows(system, first, second, axes, start, stop), *ends)
         else:
             _intersect_rows(*first, *second, len(axes) == 2, *ends)
 
@@ -255,11 +255,12 @@ def _finish_rows(  # type: ignore[no-untyped-def]
 
 
 def solve_rows(
-    system: System, first: Coordinate, second: Coordinate, lead: str, start: int, stop: int
+    system: System, first: Coordinate, second: Coordinate, axes: str, start: int, stop: int
 ) -> tuple[Array, Array, Array, Array]:
     """Inverse depths of rows start to stop - 1, in plain numpy, where the kernel does not know the projector's lens.
 
-    Each coordinate has values (H, W) in lines, their sigmas, and (k0, kx, ky); `lead` names the first, "u" or "v".
+    Each coordinate has values (H, W) in lines, their sigmas, and (k0, kx, ky); `axes` names those decoded, the first
+    one first: "uv", "vu", "u" or "v".
     Gives, (rows, W): inverse depth, its sigma, the last step in lines, and the depth in the projector at q = 0.
     """
     values, _, (k0, kx, ky) = first
@@ -273,8 +274,10 @@ def solve_rows(
     q = (kx * X + ky * Y - m * W) / (m * mw - kx * mx - ky * my)
     per_line = np.array([1 / spec.pitch_mm[0], -1 / spec.pitch_mm[1]])
     middle = np.array([(spec.width - 1) / 2, (spec.height - 1) / 2])
-    both = (first, second) if lead == "u" else (second, first)
-    seen, spread = (np.stack([c[i][start:stop] for c in both], axis=-1).astype(np.float64) for i in (0, 1))
+    use = slice("u" not in axes, 1 + ("v" in axes))
+    decoded = [first, second][: len(axes)][:: 1 if axes[0] == "u" else -1]  # as the image has them: u, then v
+    seen = np.stack([c[0][start:stop] for c in decoded], axis=-1).astype(np.float64)
+    spread = np.stack([c[1][start:stop] for c in decoded], axis=-1).astype(np.float64)
     variance = np.maximum(np.nan_to_num(spread**2, nan=1.0), LEAST_VARIANCE)
     sigma_q, last = np.full(q.shape, np.nan), np.full(q.shape, np.inf)
     with np.errstate(all="ignore"):
@@ -282,11 +285,11 @@ def solve_rows(
             w = 1.0 / (W + mw * q)
             xy = np.stack([(X + mx * q) * w, (Y + my * q) * w], axis=-1)
             along = (system.vector[:2] - xy * mw) * w[..., None]
-            rest = seen - (lens.distort(interior, xy) * per_line + middle)
-            slopes = (lens.derivatives(interior, xy)[0] @ along[..., None])[..., 0] * per_line
+            rest = seen - (lens.distort(interior, xy) * per_line + middle)[..., use]
+            slopes = ((lens.derivatives(interior, xy)[0] @ along[..., None])[..., 0] * per_line)[..., use]
             weight = np.where(np.isfinite(rest), slopes / variance, 0.0)
-            information = np.sum(weight * slopes, axis=-1)
-            step = np.sum(weight * np.nan_to_num(rest), axis=-1) / information
+            information = np.einsum("rck,rck->rc", weight, slopes)
+            step = np.einsum("rck,rck->rc", weight, np.nan_to_num(rest)) / information
             q, last = q + step, np.abs(step) * np.abs(slopes).max(axis=-1)
             sigma_q = 1.0 / np.sqrt(information)
             if not np.any(last > 1e-6):
