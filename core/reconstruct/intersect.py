@@ -69,7 +69,7 @@ def intersect(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair) -
 def _axes(phase: PhaseMap, system: System) -> str:
     """Name the coordinates that were decoded, the leading one first."""
     slopes = dict(zip("uv", system.slopes, strict=True))
-    decoded = [name for name, values in (("u", phase.u), ("v", phase.v)) if np.isfinite(values).any()]
+    decoded = [name for name, values in (("u", phase.u), ("v", phase.v)) if _any_finite(values)]
     if not decoded:
         raise NoCoordinateError(
             "phase map", "no pixel has a projector coordinate", "check the capture's frames and exposure"
@@ -80,6 +80,11 @@ def _axes(phase: PhaseMap, system: System) -> str:
         seen = f"only {lead} was decoded, which hardly changes with depth on this rig"
         raise NoCoordinateError("phase map", seen, f"capture with patterns along {'x' if lead == 'v' else 'y'}")
     return "".join(decoded)
+
+
+def _any_finite(values: Floats) -> bool:
+    """Whether there is a finite value, of which mostly the first part of the image tells."""
+    return any(np.isfinite(part).any() for part in np.array_split(values, 16))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"}, inline="always")
