@@ -138,48 +138,65 @@ def _normals_band(  # pragma: no cover  compiled
 ) -> int:
     """Normals of eliminated blocks start to stop - 1; returns the block that could not be eliminated, or -1.
 
-    `w` and `J` have room for the equations of one block.
+    `w` and `J` have room for the equations of one block. Observations of one device and one block follow each other:
+    what they share is added up in a small matrix S.
     """
-    G, device, own_columns = len(N_global), observed.device, columns.shape[1]
-    own_at, width, kept_at = layout.own_at, layout.own_width, layout.kept_at
-    kept_width = layout.kept_width if layout.kept_count > 0 else 0
-    local, place = np.empty(own_columns, np.int64), np.empty(own_columns, np.int64)
+    G, width, device = len(N_global), lower.shape[1], observed.device
+    with_kept, kept, kept_at, kept_width = layout.kept_count > 0, layout.kept, layout.kept_at, layout.kept_width
+    own_columns = columns.shape[1]
+    most = own_columns + width
+    local, place = np.empty(most, np.int64), np.empty(own_columns, np.int64)
+    A, S, t = np.empty((2, most)), np.empty((most, most)), np.empty(most)
     for e in range(start, stop):
         equations_band(first[e], first[e + 1], observed, unknowns, w, J)
-        d, g = -1, 0
-        for o in range(first[e], first[e + 1]):
-            w0, w1 = w[o - first[e], 0], w[o - first[e], 1]
-            if not w0 < np.inf:
-                continue
-            if device[o] != d:
-                d, g = device[o], 0
-                for j in range(own_columns):
-                    if columns[d, j] >= 0:
-                        local[g], place[g] = GLOBALS + j, columns[d, j]
-                        g += 1
-            J0, J1, i = J[o - first[e], 0], J[o - first[e], 1], layout.kept[o]
-            at = G + kept_width * i
-            for s in range(g):
-                x, y = J0[local[s]], J1[local[s]]
-                b[place[s]] += x * w0 + y * w1
-                for r in range(g):
-                    N_global[place[s], place[r]] += x * J0[local[r]] + y * J1[local[r]]
-            for s in range(kept_width):
-                x, y = J0[kept_at + s], J1[kept_at + s]
-                b[at + s] += x * w0 + y * w1
-                for r in range(kept_width):
-                    N_kept[i, s, r] += x * J0[kept_at + r] + y * J1[kept_at + r]
-                for r in range(g):
-                    N_cross[i, s, place[r]] += x * J0[local[r]] + y * J1[local[r]]
+        o = first[e]
+        while o < first[e + 1]:
+            d, g = device[o], 0
+            for j in range(own_columns):
+                if columns[d, j] >= 0:
+                    local[g], place[g] = GLOBALS + j, columns[d, j]
+                    g += 1
+            k = g + width
             for s in range(width):
-                x, y = J0[own_at + s], J1[own_at + s]
-                half[e, s] += x * w0 + y * w1
-                for r in range(width):
-                    lower[e, s, r] += x * J0[own_at + r] + y * J1[own_at + r]
+                local[g + s] = layout.own_at + s
+            for s in range(k):
+                t[s] = 0.0
+                for r in range(k):
+                    S[s, r] = 0.0
+            while o < first[e + 1] and device[o] == d:
+                row = o - first[e]
+                w0, w1 = w[row, 0], w[row, 1]
+                if w0 < np.inf:
+                    for s in range(k):
+                        A[0, s], A[1, s] = J[row, 0, local[s]], J[row, 1, local[s]]
+                    for s in range(k):
+                        x, y = A[0, s], A[1, s]
+                        t[s] += x * w0 + y * w1
+                        for r in range(k):
+                            S[s, r] += x * A[0, r] + y * A[1, r]
+                    if with_kept:
+                        i = kept[o]
+                        at = G + kept_width * i
+                        for s in range(kept_width):
+                            x, y = J[row, 0, kept_at + s], J[row, 1, kept_at + s]
+                            b[at + s] += x * w0 + y * w1
+                            for r in range(kept_width):
+                                N_kept[i, s, r] += x * J[row, 0, kept_at + r] + y * J[row, 1, kept_at + r]
+                            for r in range(g):
+                                N_cross[i, s, place[r]] += x * A[0, r] + y * A[1, r]
+                            for r in range(width):
+                                root[e, r, at + s] += x * A[0, g + r] + y * A[1, g + r]
+                o += 1
+            for s in range(g):
+                b[place[s]] += t[s]
                 for r in range(g):
-                    root[e, s, place[r]] += x * J0[local[r]] + y * J1[local[r]]
-                for r in range(kept_width):
-                    root[e, s, at + r] += x * J0[kept_at + r] + y * J1[kept_at + r]
+                    N_global[place[s], place[r]] += S[s, r]
+            for s in range(width):
+                half[e, s] += t[g + s]
+                for r in range(width):
+                    lower[e, s, r] += S[g + s, g + r]
+                for r in range(g):
+                    root[e, s, place[r]] += S[g + s, r]
         if not _eliminate(lower[e], half[e], root[e], damping):
             return e
     return -1
