@@ -2,7 +2,7 @@
 
 Per observation the Jacobian has 15 + K columns: pose 6, point 3, relative orientation 6, and the K parameters of the
 largest lens. An orientation's six are a rotation vector that turns from the left, ``R <- exp(w) R``, and a shift in mm.
-The images through the lenses come with the unknowns, so that the kernels know of no lens.
+The lens A1..A6 is written out here; the images through others come with the unknowns.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from core.calibrate.problem import Observed, Problem
-from core.calibrate.state import State, Unknowns, interior_of, pinholes
+from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import njit
-from core.geometry import LENSES
 from core.lazy import dataclass
 from core.model import Array, NetworkScale
 from core.parallel import run_in_bands
@@ -36,15 +35,14 @@ def equations_band(  # pragma: no cover  compiled
 ) -> None:
     """Misclosures of observations start to stop - 1 into w, shape (stop - start, 2), and their rows into J.
 
-    A point behind its device has infinite misclosures and no derivatives. An empty J asks for none. Unknowns without
-    images through lenses are those of pinholes in the middle of the raster.
+    A point behind its device has infinite misclosures and no derivatives. An empty J asks for none.
     """
-    device, pose, point, uv, root_weight, raster = observed
+    device, pose, point, uv, root_weight, raster, r0, other = observed
     interior, relative_rotation, relative_shift, pose_rotation, pose_shift, xyz, image, by_xy, by_parameter = unknowns
     d2 = np.empty((2, 3))  # derivative of the image with respect to the point in the device frame
     e2 = np.empty((2, 3))  # the same with respect to the point in the frame of the pose
     turned, placed, moved = np.empty(3), np.empty(3), np.empty(3)
-    derive, bent = len(J) > 0, len(image) > 0
+    derive = len(J) > 0
     for o in range(start, stop):
         k, d, p, i = o - start, device[o], pose[o], point[o]
         R, S = pose_rotation[p], relative_rotation[d]
@@ -61,20 +59,50 @@ def equations_band(  # pragma: no cover  compiled
             continue
         c, k1 = interior[d, 0], -1.0 / Z
         x, y = c * X * k1, c * Y * k1
-        x1, y1 = (image[o, 0], image[o, 1]) if bent else (x, y)
-        u, v = x1 / raster[d, 0] + raster[d, 2], raster[d, 3] - y1 / raster[d, 1]
+        if other[d]:
+            u = image[o, 0] / raster[d, 0] + raster[d, 2]
+            v = raster[d, 3] - image[o, 1] / raster[d, 1]
+        else:
+            x0, y0, a1, a2 = interior[d, 1], interior[d, 2], interior[d, 3], interior[d, 4]
+            a3, a4, a5, a6 = interior[d, 5], interior[d, 6], interior[d, 7], interior[d, 8]
+            r2, q2 = x * x + y * y, r0[d] * r0[d]
+            dr = a1 * (r2 - q2) + a2 * (r2 * r2 - q2 * q2)
+            x1 = x + x * dr + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + x0
+            y1 = y + y * dr + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + y0
+            u = (x1 + a3 * x1 + a4 * y1) / raster[d, 0] + raster[d, 2]
+            v = raster[d, 3] - (y1 + a4 * x1 - a3 * y1) / raster[d, 1]
         w[k, 0] = (uv[o, 0] - u) * root_weight[o, 0]
         w[k, 1] = (uv[o, 1] - v) * root_weight[o, 1]
         if not derive:
             continue
         su, sv = root_weight[o, 0] / raster[d, 0], -root_weight[o, 1] / raster[d, 1]
-        for j in range(by_parameter.shape[2]):
-            J[k, 0, INTERIOR + j] = su * by_parameter[o, 0, j]
-            J[k, 1, INTERIOR + j] = sv * by_parameter[o, 1, j]
-        m00, m01, m10, m11 = su, 0.0, 0.0, sv
-        if bent:
+        if other[d]:
+            for j in range(by_parameter.shape[2]):
+                J[k, 0, INTERIOR + j] = su * by_parameter[o, 0, j]
+                J[k, 1, INTERIOR + j] = sv * by_parameter[o, 1, j]
             m00, m01 = su * by_xy[o, 0, 0], su * by_xy[o, 0, 1]
             m10, m11 = sv * by_xy[o, 1, 0], sv * by_xy[o, 1, 1]
+        else:
+            # affine part times the scale to whitened pixels
+            t00, t01, t10, t11 = su * (1 + a3), su * a4, sv * a4, sv * (1 - a3)
+            g = 2 * (a1 + 2 * a2 * r2)
+            jxx = 1 + dr + x * x * g + 2 * a5 * y + 6 * a6 * x
+            jxy = x * y * g + 2 * a5 * x + 2 * a6 * y
+            jyy = 1 + dr + y * y * g + 2 * a6 * x + 6 * a5 * y
+            m00, m01 = t00 * jxx + t01 * jxy, t00 * jxy + t01 * jyy
+            m10, m11 = t10 * jxx + t11 * jxy, t10 * jxy + t11 * jyy
+            row0, row1 = J[k, 0], J[k, 1]
+            row0[INTERIOR], row1[INTERIOR] = (m00 * X + m01 * Y) * k1, (m10 * X + m11 * Y) * k1
+            row0[INTERIOR + 1], row1[INTERIOR + 1] = t00, t10
+            row0[INTERIOR + 2], row1[INTERIOR + 2] = t01, t11
+            radial1, radial2 = r2 - q2, r2 * r2 - q2 * q2
+            row0[INTERIOR + 3], row1[INTERIOR + 3] = (t00 * x + t01 * y) * radial1, (t10 * x + t11 * y) * radial1
+            row0[INTERIOR + 4], row1[INTERIOR + 4] = (t00 * x + t01 * y) * radial2, (t10 * x + t11 * y) * radial2
+            row0[INTERIOR + 5], row1[INTERIOR + 5] = su * x1, -sv * y1
+            row0[INTERIOR + 6], row1[INTERIOR + 6] = su * y1, sv * x1
+            fx, fy, f2 = r2 + 2 * x * x, r2 + 2 * y * y, 2 * x * y
+            row0[INTERIOR + 7], row1[INTERIOR + 7] = t00 * f2 + t01 * fy, t10 * f2 + t11 * fy
+            row0[INTERIOR + 8], row1[INTERIOR + 8] = t00 * fx + t01 * f2, t10 * fx + t11 * f2
         d2[0, 0], d2[0, 1], d2[0, 2] = m00 * c * k1, m01 * c * k1, (m00 * x + m01 * y) * k1
         d2[1, 0], d2[1, 1], d2[1, 2] = m10 * c * k1, m11 * c * k1, (m10 * x + m11 * y) * k1
         for a in range(2):
@@ -93,33 +121,10 @@ def equations_band(  # pragma: no cover  compiled
                 row[6 + j] = e2[a, 0] * R[0, j] + e2[a, 1] * R[1, j] + e2[a, 2] * R[2, j]
 
 
-def unknowns_of(problem: Problem, state: State, derive: bool = True) -> Unknowns:
-    """Give a state as the kernels take it, with the observations through their lenses."""
-    m, unknowns, no_J = len(problem.point), pinholes(state), _room(problem, 0)
-    image, by_xy, by_parameter = np.zeros((m, 2)), np.zeros((m, 2, 2)), np.zeros((m, 2, state.interior.shape[1]))
-    # misclosures of a zero in a raster of a millimetre
-    raster = np.tile([1.0, 1.0, 0.0, 0.0], (len(problem.raster), 1))
-    zero = problem.observed._replace(uv=np.zeros((m, 2)), root_weight=np.ones((m, 2)), raster=raster)
-
-    def look(start: int, stop: int) -> None:
-        xy = np.empty((stop - start, 2))
-        equations_band(start, stop, zero, unknowns, xy, no_J)
-        xy = np.where(np.isfinite(xy), xy * [-1, 1], 0.0)  # what is behind is told by the kernels
-        for d, model in enumerate(problem.models):
-            own = np.flatnonzero(problem.device[start:stop] == d)
-            interior, lens, rows = interior_of(problem, state, d), LENSES[model], own + start
-            with np.errstate(all="ignore"):
-                image[rows] = lens.distort(interior, xy[own])
-                if derive:
-                    by_xy[rows], by_parameter[rows, :, : len(lens.names)] = lens.derivatives(interior, xy[own])
-
-    run_in_bands(look, m, least=8192)
-    return unknowns._replace(image=image, by_xy=by_xy, by_parameter=by_parameter)
-
-
 def _room(problem: Problem, rows: int) -> Array:
-    """Room for rows of the Jacobian."""
-    return np.empty((rows, 2, GLOBALS + problem.columns.shape[1]))
+    """Room for rows of the Jacobian: zeros where not all devices have the same number of parameters."""
+    shape = (rows, 2, GLOBALS + problem.columns.shape[1])
+    return np.zeros(shape) if problem.other.any() else np.empty(shape)
 
 
 def room_for_block(problem: Problem) -> tuple[Array, Array]:

@@ -16,10 +16,10 @@ from core.calibrate.columns import resect_columns
 from core.calibrate.equations import misclosures
 from core.calibrate.problem import Problem, problem_of
 from core.calibrate.selection import Bools, Warnings, known_points
-from core.calibrate.state import State, poses_in_devices, straightened
-from core.calibrate.stations import LEAST_POINTS, oriented_stations, resectable
+from core.calibrate.state import State, interior_of, poses_in_devices
+from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.errors import AdjustmentError
-from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
+from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, undistort
 from core.model import Array, Ints, Network
 
 OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
@@ -68,11 +68,18 @@ def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
 
 def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> State:
     """Intersect the points that are not known from the oriented stations; poses that fit worse than most count less."""
+    at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
     R, t = poses_in_devices(problem, state)
+    tangents = np.zeros_like(at)
+    for d in np.unique(problem.device):
+        own, interior = problem.device == d, interior_of(problem, state, d)
+        plain = at[own] - [interior.x0_mm, interior.y0_mm]
+        straight = undistort(interior, at[own])
+        tangents[own] = np.where(np.isfinite(straight), straight, plain) / interior.c_mm
     usual = _medians(problem.pose, _misfits(problem, state))
     middle = max(float(np.median(usual)), 1.0)
     seen = (problem.root_weight > 0) * (middle / np.maximum(usual, middle))[problem.pose, None] ** 2
-    xyz, sure = intersections(problem.point, straightened(problem, state), R, t, seen, len(known))
+    xyz, sure = intersections(problem.point, tangents, R, t, seen, len(known))
     return replace(state, xyz=np.where((sure & ~known)[:, None], xyz, state.xyz))
 
 
@@ -172,7 +179,9 @@ def _oriented(network: Network, problem: Problem) -> State:
     R = np.array([relative.get(d, Pose()).rotation for d in range(len(problem.base))])
     t = np.array([relative.get(d, Pose()).translation_mm for d in range(len(problem.base))])
     size = _size(problem)
-    return State(state.interior, R, size * t, rotation, size * shift, size * problem.approximate)
+    return in_own_lenses(
+        network, State(state.interior, R, size * t, rotation, size * shift, size * problem.approximate)
+    )
 
 
 def _size(problem: Problem) -> float:

@@ -7,12 +7,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.geometry import LENSES, estimated, lens_of, nominal
 from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Ints, Network, NetworkScale
 
 MOST_REDUCED = 3000  # unknowns of points that are kept whole; more are eliminated if there are fewer of the poses
+COMPILED = "A1..A6"  # the lens model that the kernels know; any other is worked out before they run
 RELATIVE = 6  # columns of a relative orientation, before those of the interior
 HELD_MM = 1e-6  # sigma of what is held: far below anything observed, far above the rounding of the normals
 
@@ -26,6 +28,8 @@ class Observed(NamedTuple):
     uv: Array
     root_weight: Array
     raster: Array
+    r0: Array
+    other: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,12 @@ class Problem:
     @property
     def observed(self) -> Observed:
         """For the kernels."""
-        return Observed(self.device, self.pose, self.point, self.uv, self.root_weight, self.raster)
+        return Observed(self.device, self.pose, self.point, self.uv, self.root_weight, self.raster, self.r0, self.other)
+
+    @property
+    def other(self) -> NDArray[np.bool_]:
+        """Devices whose lens the kernels do not know, shape (devices,)."""
+        return np.array([model != COMPILED for model in self.models])
 
     @property
     def interior_columns(self) -> list[Ints]:

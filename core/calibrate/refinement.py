@@ -8,7 +8,7 @@ import numpy as np
 
 from core.calibrate.equations import POSE, equations_band, room_for_block
 from core.calibrate.problem import Observed, Problem
-from core.calibrate.state import State, Unknowns, pinholes, straightened
+from core.calibrate.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.model import Array, Ints
 from core.numerics.small import solve_in_place
@@ -142,13 +142,10 @@ def _refine_band(  # pragma: no cover  compiled
 def refined(problem: Problem, state: State) -> tuple[State, Array]:
     """Improve the poses one by one with all else held, each with its own damping.
 
-    Also gives the sums (poses,) of the residuals of every pose, as `robust_factors` gives them, but of straightened
-    images: the lenses are held as well.
+    Also gives the sums (poses,) of the residuals of every pose, as `robust_factors` gives them.
     """
     state = replace(state, pose_rotation=state.pose_rotation.copy(), pose_shift=state.pose_shift.copy())
     sums = np.empty(problem.poses)
-    scale = state.interior[problem.device, :1] / problem.raster[problem.device, :2] * [1, -1]
-    uv = straightened(problem, state) * scale + problem.raster[problem.device, 2:]
-    given = problem.first, problem.observed._replace(uv=uv), pinholes(state)
+    given = problem.first, problem.observed, unknowns_of(problem, state)
     run_in_bands(lambda a, b: _refine_band(a, b, *given, *room_for_block(problem), sums), problem.poses, least=8)
     return state, sums

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.calibrate.problem import RELATIVE, Problem
-from core.geometry import LENSES, Pose, matrix_from_rotation_vector, undistort
+from core.geometry import LENSES, Pose, matrix_from_rotation_vector
 from core.lazy import dataclass
 from core.model import Array, Interior
 
@@ -27,8 +27,8 @@ class State:
 class Unknowns(NamedTuple):
     """Arrays of a `State` as the kernels take them.
 
-    The last three are the observations through their lenses: the image (m, 2), and its derivatives by the collinearity
-    image (m, 2, 2) and by the parameters of the largest lens (m, 2, K); empty where these are left out.
+    The last three are of the observations through lenses that the kernels do not know: the image (m, 2), and its
+    derivatives by the collinearity image (m, 2, 2) and by the parameters (m, 2, K); empty where there are none.
     """
 
     interior: Array
@@ -52,22 +52,26 @@ class Step:
     gain: float
 
 
-def pinholes(state: State) -> Unknowns:
-    """Give a state as the kernels take it, without lenses."""
+def unknowns_of(problem: Problem, state: State, derive: bool = True) -> Unknowns:
+    """Give a state as the kernels take it, with the images through lenses that they do not know."""
     arrays = {name: np.ascontiguousarray(array) for name, array in vars(state).items()}
-    return Unknowns(**arrays, image=np.empty((0, 2)), by_xy=np.empty((0, 2, 2)), by_parameter=np.empty((0, 2, 0)))
-
-
-def straightened(problem: Problem, state: State) -> Array:
-    """Tangents ``-X/Z`` and ``-Y/Z`` (m, 2) of the observations; without the lens where it cannot be inverted."""
-    at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
-    tangents = np.zeros_like(at)
-    for d in np.unique(problem.device):
-        own, interior = problem.device == d, interior_of(problem, state, d)
-        straight = undistort(interior, at[own])
-        plain = at[own] - [interior.x0_mm, interior.y0_mm]
-        tangents[own] = np.where(np.isfinite(straight), straight, plain) / interior.c_mm
-    return tangents
+    if not problem.other.any():
+        return Unknowns(**arrays, image=np.empty((0, 2)), by_xy=np.empty((0, 2, 2)), by_parameter=np.empty((0, 2, 0)))
+    m, K = len(problem.point), state.interior.shape[1]
+    image, by_xy, by_parameter = np.zeros((m, 2)), np.zeros((m, 2, 2)), np.zeros((m, 2, K))
+    for d in np.flatnonzero(problem.other):
+        own = np.flatnonzero(problem.device == d)
+        turned = np.einsum("oij,oj->oi", state.pose_rotation[problem.pose[own]], state.xyz[problem.point[own]])
+        placed = (turned + state.pose_shift[problem.pose[own]]) @ state.relative_rotation[d].T
+        X, Y, Z = (placed + state.relative_shift[d]).T
+        interior, lens = interior_of(problem, state, int(d)), LENSES[problem.models[d]]
+        Z = np.where(Z < 0, Z, -1.0)  # what is behind is told by the kernels
+        xy = np.stack([X, Y], axis=-1) * (-interior.c_mm / Z)[:, None]
+        with np.errstate(all="ignore"):
+            image[own] = lens.distort(interior, xy)
+            if derive:
+                by_xy[own], by_parameter[own, :, : len(lens.names)] = lens.derivatives(interior, xy)
+    return Unknowns(**arrays, image=image, by_xy=by_xy, by_parameter=by_parameter)
 
 
 def poses_in_devices(problem: Problem, state: State) -> tuple[Array, Array]:

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from core.calibrate.elimination import reduce
 from core.calibrate.equations import cost_of, misclosures
 from core.calibrate.normals import SingularNormalsError, assemble
-from core.calibrate.problem import RELATIVE, Problem, problem_of, reweighted
+from core.calibrate.problem import COMPILED, RELATIVE, Problem, most_parameters, problem_of, reweighted
 from core.calibrate.refinement import refined, robust_factors
 from core.calibrate.resection import resect_despite_errors
 from core.calibrate.state import State, moved
 from core.errors import AdjustmentError
-from core.geometry import estimated, lens_of
-from core.geometry.lens import MAIN
-from core.model import Array, Network, NetworkDevice
+from core.geometry import LENSES, estimated, fitted, lens_of
+from core.model import Array, DeviceSpec, Interior, Network, NetworkDevice
 
+MAIN_PARAMETERS = ("c", "x0", "y0", "A1")
 LEAST_POINTS = 4  # that fix one station's pose without ambiguity
 ENOUGH_POINTS = 60  # of a station serve for approximate values
 ROUNDS = 4
@@ -41,10 +41,7 @@ def resectable(network: Network) -> list[int]:
 
 def _single_problem(network: Network, stations: list[int]) -> Problem:
     """Give the problem in which those stations are free, points are held and only main parameters are estimated."""
-    devices = {
-        name: NetworkDevice(replace(d.spec, interior_sigma=()), _main_parameters(d))
-        for name, d in network.devices.items()
-    }
+    devices = {name: NetworkDevice(*_stand_in(d)) for name, d in network.devices.items()}
     renumber = np.full(len(network.station_names), -1)
     renumber[stations] = np.arange(len(stations))
     use = (renumber[network.observation_station] >= 0) & np.all(np.isfinite(network.observation_uv), axis=1)
@@ -66,13 +63,45 @@ def _single_problem(network: Network, stations: list[int]) -> Problem:
     return replace(problem_of(single, by_points=False), points_free=False)
 
 
-def _main_parameters(device: NetworkDevice) -> tuple[str, ...]:
-    """Of a device's parameters to be estimated the main ones, which the approximate points tell: none if known."""
-    free, lens = estimated(device), lens_of(device.spec)
-    if device.spec.interior is not None and (np.isfinite(device.spec.interior_sigma).any() or "c" not in free):
-        return ()
-    radial = [p for p in lens.of_kind("radial") if p in free][:1]
-    return tuple(p for p in (*MAIN, *radial) if p in free)
+def _stand_in(device: NetworkDevice) -> tuple[DeviceSpec, tuple[str, ...]]:
+    """Give a device with the lens that the kernels know, and the main parameters to be estimated: none if known."""
+    spec, free = device.spec, estimated(device)
+    if spec.interior is None:
+        return spec, tuple(p for p in free if p in MAIN_PARAMETERS)
+    interior = spec.interior
+    if interior.model != COMPILED:
+        interior = fitted(spec, interior, COMPILED)[0]
+    plain = replace(spec, interior=interior, interior_sigma=())
+    if np.isfinite(spec.interior_sigma).any() or "c" not in free:
+        return plain, ()
+    bends = bool(lens_of(spec).of_kind("radial")) and any(p in free for p in lens_of(spec).of_kind("radial"))
+    return plain, tuple(p for p in MAIN_PARAMETERS if p in free or (p == "A1" and bends))
+
+
+def in_own_lenses(network: Network, state: State) -> State:
+    """Say approximate interior orientations, shape (D, 9), in each device's own lens model, shape (D, K)."""
+    interior = np.zeros((len(network.devices), most_parameters(network)))
+    for d, device in enumerate(network.devices.values()):
+        spec, k = device.spec, len(lens_of(device.spec).names)
+        found = Interior.from_vector(state.interior[d, : len(LENSES[COMPILED].names)], nominal_r0(spec), COMPILED)
+        if spec.interior is None:
+            interior[d, :k] = found.vector
+            continue
+        known = spec.interior.vector
+        if _stand_in(device)[1] and spec.interior.model == COMPILED:
+            interior[d, :k] = found.vector
+        elif _stand_in(device)[1]:
+            names = lens_of(spec).names
+            said = fitted(spec, found, spec.model)[0].vector
+            interior[d, :k] = [s if n in estimated(device) else v for n, s, v in zip(names, said, known, strict=True)]
+        else:
+            interior[d, :k] = known
+    return replace(state, interior=interior)
+
+
+def nominal_r0(spec: DeviceSpec) -> float:
+    """Zero of the radial parameters where a device is described by the lens that the kernels know."""
+    return spec.interior.r0_mm if spec.interior is not None and spec.model == COMPILED else spec.zero_radius_mm
 
 
 def _thinned(network: Network, use: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -161,12 +190,10 @@ def _improved_together(problem: Problem, state: State, nominal: Array, iteration
     if problem.globals == 0:
         return refined(problem, state)[0]
     problem = _in_front(problem, state)
+    # radial: its displacement at the edge of the image, as a share of that radius
     radius = np.hypot(problem.raster[:, 0] * problem.raster[:, 2], problem.raster[:, 1] * problem.raster[:, 3])
     sigma = np.full_like(nominal, np.inf)
-    sigma[:, 0], sigma[:, 1:3] = PRIOR * nominal[:, 0], PRIOR * radius[:, None]
-    for d, spec in enumerate(problem.specs):  # usual radial parameters displace the edge by a tenth of its radius
-        usual = lens_of(spec).usual_sigma(spec)[3:]
-        sigma[d, 3 : 3 + len(usual)] = PRIOR / 0.1 * usual
+    sigma[:, 0], sigma[:, 1:3], sigma[:, 3] = PRIOR * nominal[:, 0], PRIOR * radius[:, None], PRIOR / radius**2
     places, free = problem.columns[:, RELATIVE:], problem.columns[:, RELATIVE:] >= 0
     damping = 1e-3
     for _ in range(iterations):
