@@ -17,7 +17,7 @@ from core.decode.frames import Image
 from core.decode.response import Wave
 from core.decode.tables import Array, Singles
 from core.model import Note
-from core.numerics import quantum
+from core.numerics import median_of, quantum
 
 TILE, ACROSS = 32, 5  # pixels a side of the squares that are looked at, and their number along each axis
 FEWEST = 9  # of them that tell anything
@@ -68,17 +68,18 @@ def _ripples(images: Sequence[Image], contrasts: Array, waves: Sequence[Wave], s
     if not waves:  # which other frames show as well
         used = np.flatnonzero(np.abs(contrasts).max(axis=0) > 0).tolist()
         images, contrasts = [images[n] for n in used], contrasts[:, used]
-    window = np.hanning(TILE + 2)[1:-1].astype(np.float32)
-    powers, step = [], 1.0
+    few, window = contrasts.astype(np.float32), np.hanning(TILE + 2)[1:-1].astype(np.float32)
+    residuals, step = [], 1.0
     for top, left in product(*(np.linspace(0, size - TILE, ACROSS).astype(int).tolist() for size in shape)):
-        grey = np.stack([image[top : top + TILE, left : left + TILE] for image in images]).astype(np.float32)
+        grey = np.stack([image[top : top + TILE, left : left + TILE] for image in images])
         if np.mean(grey.max(axis=0) < saturation) < WHOLE or np.mean(grey.min(axis=0) > 0) < ABOVE:
             continue
         step = max(step, quantum(grey)) if images[0].itemsize > 1 else step
-        residual = _residual(grey.reshape(len(grey), -1), contrasts.astype(np.float32), waves)
-        powers.append(np.square(np.abs(np.fft.rfft2(residual.reshape(-1, TILE, TILE) * (window[:, None] * window)))))
-    if len(powers) < FEWEST:
+        residuals.append(_residual(grey.reshape(len(grey), -1).astype(np.float32), few, waves))
+    if len(residuals) < FEWEST:
         return Ripples(1.0, 1.0)
+    seen = np.reshape(residuals, (len(residuals), -1, TILE, TILE)) * (window[:, None] * window)
+    powers = np.square(np.abs(np.fft.rfft2(seen)))
     usual = np.quantile(powers, TILES, axis=0) / (np.log(1 / (1 - TILES)) * np.square(np.square(window).sum()))
     down, across = np.meshgrid(np.fft.fftfreq(TILE), np.fft.rfftfreq(TILE), indexing="ij")
     ripple, way = np.hypot(down, across), np.arctan2(down, across) % np.pi // (np.pi / WAYS)
@@ -91,7 +92,9 @@ def _ripples(images: Sequence[Image], contrasts: Array, waves: Sequence[Wave], s
 
 def _residual(grey: Singles, contrasts: Singles, waves: Sequence[Wave]) -> Singles:
     """Combinations (k, n) of grey values (frames, n) less their mean and the part that harmonics explain."""
-    residual = np.einsum("kf,fn->kn", contrasts, grey)
+    residual = contrasts @ grey
+    if not waves:
+        return np.asarray(residual - residual.mean(axis=1, keepdims=True))
     design: list[Array] = [np.ones((1, grey.shape[1]))]
     for wave in waves:
         seen = wave.seen(grey)
@@ -106,4 +109,4 @@ def _residual(grey: Singles, contrasts: Singles, waves: Sequence[Wave]) -> Singl
 
 
 def _usual(power: Array, at: NDArray[np.bool_]) -> float:
-    return float(np.median(power[:, at]))
+    return median_of(power[:, at])
