@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ TRIMMED = 0.5  # of them that lie farthest from a smooth surface do not count
 USUAL = 2 / np.sqrt(np.pi)  # mean difference of two normal deviates
 
 _Surface = tuple[Array, float]  # a coordinate at some pixels, and by how much it may be off
+_Place = Callable[[int], _Surface]  # of both coordinates, found when it is asked for
 
 
 def late_frames(
@@ -58,7 +60,7 @@ def late_frames(
         outside = np.ones_like(lit)
         outside[first:last] = last - first > MOST * len(rows)
         seen = (grey[:, some] - low[some]) / (high - low)[some]
-        if _unchanged(n, patterns, seen, [_surface(each.reshape(lit.shape), outside, some) for each in place]):
+        if _unchanged(n, patterns, seen, cache(partial(_surface, place, outside, some))):
             told = f"Frame {n} shows the pattern of frame {n - 1}"
             notes[n] = (
                 f"{told}: it was exposed before the pattern changed, or the projector did not change it. Wait longer "
@@ -70,12 +72,12 @@ def late_frames(
     return tuple(notes.values())
 
 
-def _unchanged(n: int, patterns: Sequence[Pattern], seen: Array, place: Sequence[_Surface]) -> bool:
+def _unchanged(n: int, patterns: Sequence[Pattern], seen: Array, place: _Place) -> bool:
     """Whether enough pixels that should have changed from the frame before have not."""
     rising = falling = np.full(seen.shape[1], np.inf)
     telling = np.ones(seen.shape[1], bool)
     for doubts in PLACES:
-        before, after = _light(patterns[n - 1 : n + 1], place, doubts)
+        before, after = _light(patterns[n - 1 : n + 1], place, seen.shape[1], doubts)
         change = after - before
         rising, falling = np.minimum(rising, change), np.minimum(falling, -change)
         expected = np.maximum(rising, falling)
@@ -84,20 +86,21 @@ def _unchanged(n: int, patterns: Sequence[Pattern], seen: Array, place: Sequence
         if np.count_nonzero(telling) < WITNESSES:
             return False
     others = [k for k in range(len(patterns)) if k not in (n - 1, n)]
-    off = np.abs(_light([patterns[k] for k in others], place) - seen[others])
+    off = np.abs(_light([patterns[k] for k in others], place, seen.shape[1]) - seen[others])
     telling &= np.nansum(off, axis=0) < KNOWN * np.isfinite(off).sum(axis=0)
     if np.count_nonzero(telling) < WITNESSES:
         return False
     return bool(np.abs(seen[n] - seen[n - 1])[telling].mean() < SEEN * expected[telling].mean())
 
 
-def _surface(place: Singles, outside: NDArray[np.bool_], some: NDArray[np.bool_]) -> _Surface:
+def _surface(both: tuple[Singles, Singles], outside: NDArray[np.bool_], some: NDArray[np.bool_], axis: int) -> _Surface:
     """A coordinate at some pixels by a quadratic surface through most of those outside; NaN where too few are known."""
-    known = np.flatnonzero(np.isfinite(place) & outside)
+    place = both[axis]
+    known = np.flatnonzero(np.isfinite(place) & outside.ravel())
     if len(known) < FEWEST:
         return np.full(np.count_nonzero(some), np.nan), np.nan
     known = known[:: max(1, len(known) // ENOUGH)]
-    design, values = _terms(known, some.shape), place.ravel()[known].astype(float)
+    design, values = _terms(known, some.shape), place[known].astype(float)
     away, rank = np.zeros(len(known)), int((1 - TRIMMED) * (len(known) - 1))
     for _ in range(4):
         kept = away <= np.partition(away, rank)[rank]
@@ -114,15 +117,16 @@ def _terms(pixels: NDArray[np.intp], shape: tuple[int, ...]) -> Array:
     return polynomial(x, y, 2).T
 
 
-def _light(patterns: Sequence[Pattern], place: Sequence[_Surface], doubts: float = 0) -> Array:
-    """Part of full light of every pattern, its coordinates off by some doubts; NaN where they are not known."""
+def _light(patterns: Sequence[Pattern], place: _Place, count: int, doubts: float = 0) -> Array:
+    """Part of full light of every pattern at so many pixels, whose coordinates are off by some doubts; NaN where they
+    are not known."""
     levels = []
     for pattern in patterns:
         axis = axis_of(pattern)
         if axis is None:
-            levels.append(np.full(len(place[0][0]), float(level_of(pattern) or 0)))
+            levels.append(np.full(count, float(level_of(pattern) or 0)))
         else:
-            at, doubt = place[axis == "y"]
+            at, doubt = place(int(axis == "y"))
             lines = np.rint(at + doubts * doubt)
             known = np.isfinite(lines)
             shown = brightness(pattern, lines if known.all() else np.where(known, lines, 0.0))
