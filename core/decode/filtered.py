@@ -17,7 +17,7 @@ from core.decode.frames import Image
 from core.decode.response import Wave
 from core.decode.tables import Array, Singles
 from core.model import Note
-from core.numerics import median_of, quantum
+from core.numerics import median_of, quantiles, quantum
 
 TILE, ACROSS = 32, 5  # pixels a side of the squares that are looked at, and their number along each axis
 FEWEST = 9  # of them that tell anything
@@ -80,7 +80,7 @@ def _ripples(images: Sequence[Image], contrasts: Array, waves: Sequence[Wave], s
         return Ripples(1.0, 1.0)
     seen = np.reshape(residuals, (len(residuals), -1, TILE, TILE)) * (window[:, None] * window)
     powers = np.square(np.abs(np.fft.rfft2(seen)))
-    usual = np.quantile(powers, TILES, axis=0) / (np.log(1 / (1 - TILES)) * np.square(np.square(window).sum()))
+    usual = quantiles(powers, TILES)[0] / (np.log(1 / (1 - TILES)) * np.square(np.square(window).sum()))
     down, across = np.meshgrid(np.fft.fftfreq(TILE), np.fft.rfftfreq(TILE), indexing="ij")
     ripple, way = np.hypot(down, across), np.arctan2(down, across) % np.pi // (np.pi / WAYS)
     coarse, fine, finest = ((ripple >= low) & (ripple < high) for low, high in (COARSE, FINE, FINEST))
