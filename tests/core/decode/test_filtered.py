@@ -61,3 +61,19 @@ def test_frames_that_were_filtered_are_told_and_no_others(name: str, bench: Call
     images = [np.ascontiguousarray(change(i)) for i in b.take(patterns)]
     found = [note for note in decode(patterns, images, lines=LINES).notes if note in (SMOOTHED, SHARPENED)]
     assert found == [told] * bool(told)
+
+
+def test_a_camera_that_shakes_before_a_print_smooths_nothing() -> None:
+    """By 0.15 px from frame to frame: what edges then leave is stronger in coarse ripples than noise."""
+    y, x = np.mgrid[:200, :260].astype(np.float32)
+    rng = np.random.default_rng(4)
+    spots = np.float32(cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), 2) > 0)
+    spots = cv2.GaussianBlur(0.2 + 0.7 * spots, (0, 0), 0.8)
+    patterns = parse_sequence("gray-sine:period=16,steps=4").patterns(LINES)
+    images = []
+    for k, pattern in enumerate(patterns):
+        du, dv = rng.normal(scale=0.15, size=2).astype(np.float32)
+        moved = cv2.remap(spots, x + du, y + dv, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        place = {"u": 10.2 + 1.05 * x + 0.05 * y, "v": 8.4 + 1.1 * y - 0.06 * x, "lines": LINES, "blur": 0.6}
+        images += Bench(**place, ambient=20.0, gain=150.0 * moved, dark=1.0, seed=k).take([pattern])
+    assert SMOOTHED not in decode(patterns, images, lines=LINES).notes
