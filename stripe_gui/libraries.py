@@ -27,7 +27,7 @@ def missing_of(package: Path, platform: str) -> list[str]:
     files = [path for name in _MODULES for path in package.glob(f"{name}.abi3.so")]
     files += package.glob(f"Qt/plugins/platforms/libq{platform}*.so")
     try:
-        told = subprocess.run(["ldd", *files], capture_output=True, text=True).stdout  # as the loader finds them
+        told = subprocess.run(["ldd", *files], capture_output=True, text=True, errors="replace").stdout
     except OSError:  # no GNU system
         return []
     absent = re.findall(r"^\s*(\S+) => not found", told, re.MULTILINE)

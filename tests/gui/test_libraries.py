@@ -45,3 +45,14 @@ def test_all_that_is_missing_is_named_at_once(qt: Path, monkeypatch: pytest.Monk
     assert problem.endswith("install libxcb-icqqm4 libxcb-sqm0")
     assert library_problem({"QT_QPA_PLATFORM": "offscreen"}, "linux") == ""
     assert library_problem({}, "win32") == ""
+
+
+def test_a_folder_whose_name_is_no_text_here_hides_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As ldd writes where libraries are: of a home folder that was named in another encoding."""
+    ldd = tmp_path / "ldd"
+    ldd.write_text(
+        "#!/bin/sh\nprintf 'libQt6Gui.so.6 => /home/M\\374ller/libQt6Gui.so.6\\nlibxcb-sqm.so.0 => not found\\n'\n"
+    )
+    ldd.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    assert libraries.missing_of(PACKAGE, "xcb") == ["libxcb-sqm.so.0"]
