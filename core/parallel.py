@@ -115,13 +115,17 @@ def _end_workers_of_opencv() -> None:
 
 
 def on_processes(
-    work: Callable[[int, Progress], T], count: int, progress: Progress, most: int | None = None
+    work: Callable[[int, Progress], T],
+    count: int,
+    progress: Progress,
+    most: int | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> Generator[T]:
     """Yield ``work(0, ...)`` to ``work(count - 1, ...)`` in this order, from copies of this process; see `can_fork`.
 
     Copies share what is in memory, take the next piece when they are done with one, and send what comes of it. What one
     reports is reported here; who stops ends them all. There are `most` at most, and where none can be had, or one alone
-    is wanted, the pieces are worked on here.
+    is wanted, the pieces are worked on here. `meanwhile` is what this process may do beside the copies.
     """
     copies_at_once = min(most or THREADS, count)
     if copies_at_once < 2 or not can_fork(count):
@@ -143,6 +147,7 @@ def on_processes(
         for copy, (_, sender) in zip(copies, pipes, strict=True):
             copy.start()
             sender.close()
+        meanwhile()
         for k in range(count):
             while k not in done and readers:
                 progress.check()

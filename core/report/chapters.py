@@ -15,8 +15,10 @@ A chapter that lists the captures; it comes last, and is left out of reports tha
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
-from typing import TYPE_CHECKING
+from dataclasses import fields
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from core.lazy import dataclass
 from core.parallel import on_processes
@@ -63,45 +65,13 @@ def _adjustment_tables(data: ReportData) -> list[Table]:
     return found
 
 
-def _image_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.images import image_drawings  # drawing takes a second to import
+def _figures(module: str, *names: str) -> list[Callable[[ReportData], Sequence[Drawing]]]:
+    """Give functions of a module of `core.report.figures`, imported when one is called: drawing takes a second to."""
 
-    return image_drawings(data.adjustment) if data.adjustment is not None else ()
+    def draw(name: str, data: ReportData) -> Any:
+        return getattr(import_module(f"core.report.figures.{module}"), name)(data)
 
-
-def _network_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.network import network_drawings
-
-    return network_drawings(data.adjustment) if data.adjustment is not None else ()
-
-
-def _volume_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.rig import volume_drawing
-
-    if data.volume is None:
-        return ()
-    figures, maps = data.volume
-    drawing = volume_drawing(figures["depths"], maps["form_sigma_mm"])
-    of = " Of {camera} with {projector}.".format(**figures) if "camera" in figures else ""
-    return [replace(drawing, caption=drawing.caption + of)]
-
-
-def _plane_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.planes import plane_drawings
-
-    return plane_drawings(data) if data.evaluations else ()
-
-
-def _drift_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.rig import drift_drawing
-
-    return [drift_drawing(chart) for chart in data.drift]
-
-
-def _response_drawings(data: ReportData) -> Sequence[Drawing]:
-    from core.report.figures.rig import response_drawing
-
-    return [response_drawing(name, curves) for name, curves in data.responses.items()]
+    return [partial(draw, name) for name in names]
 
 
 def _other_tables(data: ReportData) -> list[Table]:
@@ -116,21 +86,29 @@ def _other_tables(data: ReportData) -> list[Table]:
 
 CHAPTERS: dict[str, Chapter] = {
     "adjustment": Chapter(
-        "Photogrammetric calibration", _adjustment_tables, (_image_drawings, _network_drawings, _volume_drawings)
+        "Photogrammetric calibration",
+        _adjustment_tables,
+        [
+            *_figures("images", "residuals", "coverage"),
+            *_figures("network", "network", "convergence", "correlated"),
+            *_figures("rig", "volume"),
+        ],
     ),
     "depth": Chapter("Depth calibration", lambda data: [depth_table(data.depth)] if data.depth is not None else []),
     "others": Chapter("Further calibrations", _other_tables),
     "planes": Chapter(
         "Plane-table",
         lambda data: [plane_table(data.evaluations, published_of(data))] if data.evaluations else [],
-        (_plane_drawings,),
+        _figures("planes", "maps", "histograms"),
     ),
     "response": Chapter(
         "Response of the projector",
         lambda data: [response_table(name, curves) for name, curves in data.responses.items()],
-        (_response_drawings,),
+        _figures("rig", "responses"),
     ),
-    "drift": Chapter("Drift of the rig", lambda data: [drift_table(chart) for chart in data.drift], (_drift_drawings,)),
+    "drift": Chapter(
+        "Drift of the rig", lambda data: [drift_table(chart) for chart in data.drift], _figures("rig", "drift")
+    ),
     "merged": Chapter("Merged captures", lambda data: [merged_table(*data.merged)] if data.merged is not None else []),
     "sign-off": Chapter(
         "Sign-off", lambda data: [sign_off_table(data.sign_off, data.evaluations)] if data.sign_off is not None else []
@@ -143,20 +121,27 @@ def tables(data: ReportData) -> list[Table]:
     return [table for key, chapter in CHAPTERS.items() if key != "sign-off" for table in chapter.tables(data)]
 
 
-def drawings(data: ReportData, *, progress: Progress = SILENT) -> dict[str, tuple[Drawing, ...]]:
-    """Draw everything for which there are data, by the key of its chapter; several at once where that is safe."""
+def drawings(
+    data: ReportData, *, progress: Progress = SILENT, meanwhile: Callable[[], object] = lambda: None
+) -> dict[str, tuple[Drawing, ...]]:
+    """Draw everything for which there are data, by the key of its chapter; several at once where that is safe.
+
+    `meanwhile` is called where other processes draw.
+    """
+    from core.report.figures import images, network, planes, rig  # noqa: F401  once, not by every process
     from core.report.figures.canvas import drawing_style, drawn
 
-    pieces = [(key, draw) for key, chapter in CHAPTERS.items() for draw in chapter.drawings]
+    # the last ones, of all pixels of the planes, take the longest: begun first, they keep nobody waiting at the end
+    pieces = [(key, draw) for key, chapter in reversed(CHAPTERS.items()) for draw in reversed(chapter.drawings)]
 
     def work(k: int, said: Progress) -> tuple[Drawing, ...]:
         key, draw = pieces[k]
         said(0.0, f"drawing: {CHAPTERS[key].title}")
-        with drawing_style():
-            return tuple(drawn(drawing) for drawing in draw(data))
+        return tuple(drawn(drawing) for drawing in draw(data))
 
     found: dict[str, tuple[Drawing, ...]] = dict.fromkeys(CHAPTERS, ())
-    for (key, _), more in zip(pieces, on_processes(work, len(pieces), progress), strict=True):
-        found[key] += more
+    with drawing_style():  # which processes take over
+        for (key, _), more in zip(pieces, on_processes(work, len(pieces), progress, meanwhile=meanwhile), strict=True):
+            found[key] = (*more, *found[key])
     progress(1.0, "figures drawn")
     return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from core.lazy import dataclass
 from core.model import DeviceSpec
 from core.progress import SILENT, Progress
@@ -35,9 +37,11 @@ class Document:
     source: str  # of the published values; empty where there are none
 
 
-def compose(data: ReportData, *, progress: Progress = SILENT) -> Document:
-    """Put tables, figures and words in order."""
-    published, drawn = published_of(data), drawings(data, progress=progress)
+def compose(
+    data: ReportData, *, progress: Progress = SILENT, meanwhile: Callable[[], object] = lambda: None
+) -> Document:
+    """Put tables, figures and words in order; see `drawings`."""
+    published, drawn = published_of(data), drawings(data, progress=progress, meanwhile=meanwhile)
     sections = tuple(
         Section(key, chapter.title, tuple(chapter.tables(data)), drawn[key]) for key, chapter in CHAPTERS.items()
     )

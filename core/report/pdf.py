@@ -48,7 +48,7 @@ _CAPTION = ParagraphStyle("caption", _BODY, fontSize=8, leading=11, spaceBefore=
 
 def pdf_bytes(document: Document, *, progress: Progress = SILENT) -> bytes:
     """Set the report in PDF."""
-    _register_fonts()
+    register_fonts()
     story: list[Flowable] = [_text("Calibration and accuracy report", _SMALL), _text(document.title, _TITLE)]
     story += [_text(fact, _SMALL) for fact in document.facts]
     story += _summary(document)
@@ -188,7 +188,8 @@ def _escaped(text: str) -> str:
 
 
 @cache
-def _register_fonts() -> None:
+def register_fonts() -> None:
+    """Read the fonts of the pages."""
     for name, file in ((FONT, "DejaVuSans.ttf"), (BOLD, "DejaVuSans-Bold.ttf")):
         pdfmetrics.registerFont(TTFont(name, str(resource("fonts", file))))
     pdfmetrics.registerFontFamily(FONT, normal=FONT, bold=BOLD, italic=FONT, boldItalic=BOLD)

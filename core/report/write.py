@@ -14,10 +14,11 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     """Write `report.html` and `report.pdf` into a folder, in place of those that are there."""
     # only now: drawing and typesetting take a second to import, and tables alone need neither
     from core.report.document import compose
+
+    document = compose(data, progress=progress.part(0.0, 0.8), meanwhile=_typesetting)
     from core.report.html import html_text
     from core.report.pdf import pdf_bytes
 
-    document = compose(data, progress=progress.part(0.0, 0.8))
     html = html_text(document, progress=progress.part(0.8, 0.85)).encode("utf-8")
     pdf = pdf_bytes(document, progress=progress.part(0.85, 0.95))
     progress.check()
@@ -26,3 +27,11 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     write_together({path: sealed(content, path.suffix, data.sign_off) for path, content in contents.items()})
     progress(1.0, "report written")
     return paths
+
+
+def _typesetting() -> None:
+    """Load what sets the pages."""
+    from core.report import html  # noqa: F401
+    from core.report.pdf import register_fonts
+
+    register_fonts()

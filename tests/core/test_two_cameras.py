@@ -37,7 +37,7 @@ from core.project import read_capture, read_project
 from core.reconstruct import Sight
 from core.report import Tolerance, conformity, tables
 from core.report.document import compose
-from core.report.figures.planes import plane_drawings
+from core.report.figures.planes import histograms, maps
 from core.report.numbers import volume_table
 from tests.copies import copied
 
@@ -133,9 +133,10 @@ def test_reports_say_whose_planes_they_tell_of(project: Project, plain_reports: 
     rows = (f"plane+{angle}, all 4 rows of Table 3, photogrammetric" for angle in ("00", "15"))
     assert whole.summary.passed == ("photogrammetric calibration", *rows)
     assert any("from the fitted plane over 2 positions" in text for text in whole.summary.findings)
-    keys = {drawing.key.partition("-")[0] + drawing.caption.rpartition(" Of")[2] for drawing in plane_drawings(data)}
+    drawings = [*maps(data), *histograms(data)]
+    keys = {drawing.key.partition("-")[0] + drawing.caption.rpartition(" Of")[2] for drawing in drawings}
     assert keys == {"deviations left.", "deviations right.", "histograms left.", "histograms right."}
-    rows = [axes.get_ylabel() for drawing in plane_drawings(data) for axes in drawing.figure.axes]
+    rows = [axes.get_ylabel() for drawing in drawings for axes in drawing.figure.axes]
     assert sum("all devices" in label for label in rows) == sum("\nprojector" in label for label in rows) == 4
     assert "plane+15, left and projector photogrammetric" in conformity(data.evaluations, Tolerance(1e-3)).text
 

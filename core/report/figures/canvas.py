@@ -130,25 +130,23 @@ def _settle(figure: Figure) -> None:
 
 
 def drawn(drawing: Drawing) -> Drawing:
-    """Draw the figure."""
-    figure = drawing.figure
-    if isinstance(figure, Drawn):
-        return drawing
-    with drawing_style():
-        _settle(figure)
-        svg, marks = draw_once(figure)
-        return replace(drawing, figure=Drawn(drawing.size_in, _element(svg, drawing.key), marks))
+    """Draw the figure, inside `drawing_style`."""
+    return replace(drawing, figure=_strokes(drawing))
 
 
 def _strokes(drawing: Drawing) -> Drawn:
-    found = drawn(drawing).figure
-    assert isinstance(found, Drawn)
-    return found
+    figure = drawing.figure
+    if isinstance(figure, Drawn):
+        return figure
+    _settle(figure)
+    svg, marks = draw_once(figure)
+    return Drawn(drawing.size_in, _element(svg, drawing.key), marks)
 
 
 def svg_text(drawing: Drawing) -> str:
     """Give the drawing as an SVG element to stand in a page, its colours as CSS variables."""
-    return _strokes(drawing).svg
+    with drawing_style():
+        return _strokes(drawing).svg
 
 
 def _element(svg: str, key: str) -> str:
@@ -164,7 +162,9 @@ def _element(svg: str, key: str) -> str:
 
 def set_on_page(drawing: Drawing, canvas: Canvas) -> None:
     """Set the drawing on a page of a PDF, its lower left corner at the origin, in points."""
-    for mark in _strokes(drawing).marks:
+    with drawing_style():
+        marks = _strokes(drawing).marks
+    for mark in marks:
         mark(canvas)
 
 

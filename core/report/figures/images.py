@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, floor, log10
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.patches import Rectangle
 
 from core.model import Adjustment, Array, DeviceSpec
 from core.report.adjusted import Coverage, covered
-from core.report.data import kind_of_device
+from core.report.data import ReportData, kind_of_device
 from core.report.figures.canvas import (
     CAMERA,
     GRID,
@@ -28,12 +29,19 @@ from core.report.figures.canvas import (
 VECTORS_AS_LINES = 8000  # more arrows than this are drawn as an image: lines would make the file heavy
 
 
-def image_drawings(adjustment: Adjustment) -> list[Drawing]:
-    """Residual vectors and coverage of all devices of an adjustment."""
-    seen = [name for name in adjustment.devices if len(_observations(adjustment, name)[0])]
-    if not seen:
-        return []
-    return [_residual_vectors(adjustment, seen), _coverage(adjustment, seen)]
+def residuals(data: ReportData) -> list[Drawing]:
+    """Residual vectors over the images of all devices of the adjustment."""
+    return _of_images(data.adjustment, _residual_vectors)
+
+
+def coverage(data: ReportData) -> list[Drawing]:
+    """Where in these images there are points."""
+    return _of_images(data.adjustment, _coverage)
+
+
+def _of_images(found: Adjustment | None, draw: Callable[[Adjustment, list[str]], Drawing]) -> list[Drawing]:
+    seen = [] if found is None else [name for name in found.devices if len(_observations(found, name)[0])]
+    return [draw(found, seen)] if found and seen else []
 
 
 def nice_step(value: float) -> float:

@@ -9,6 +9,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
 from core.model import Adjustment, Array
 from core.report.adjusted import Correlations, correlations
+from core.report.data import ReportData
 from core.report.figures.canvas import (
     GRID,
     MUTED,
@@ -27,17 +28,22 @@ STRONG = 0.7  # a correlation from here on is written into its cell
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def network_drawings(adjustment: Adjustment) -> list[Drawing]:
-    """Everything there is to see of an adjustment besides its images."""
-    result = []
-    if len(adjustment.station_from_object):
-        result.append(_network(adjustment))
-    if np.isfinite(adjustment.convergence).any():
-        result.append(_convergence(adjustment))
-    found = correlations(adjustment)
-    if len(found.names) > 1:
-        result.append(_correlations(found))
-    return result
+def network(data: ReportData) -> list[Drawing]:
+    """Stations and object points of the adjustment."""
+    found = data.adjustment
+    return [_network(found)] if found and len(found.station_from_object) else []
+
+
+def convergence(data: ReportData) -> list[Drawing]:
+    """How the adjustment came to its end."""
+    found = data.adjustment
+    return [_convergence(found)] if found and np.isfinite(found.convergence).any() else []
+
+
+def correlated(data: ReportData) -> list[Drawing]:
+    """Which of its parameters stand in for each other."""
+    found = correlations(data.adjustment) if data.adjustment else None
+    return [_correlations(found)] if found and len(found.names) > 1 else []
 
 
 def _network(adjustment: Adjustment) -> Drawing:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import ceil, floor, log10
 
@@ -35,32 +35,40 @@ from core.report.figures.strokes import DPI
 
 COLUMNS = 4  # planes side by side in one figure
 Captures = list[tuple[str, float | None]]
+Evaluations = tuple[PlaneEvaluation, ...]
 
 
-def plane_drawings(data: ReportData) -> list[Drawing]:
-    """Maps and histograms through every camera, at most four captures in a figure, all on one scale.
+def maps(data: ReportData) -> list[Drawing]:
+    """Maps through every camera, at most four captures in a figure, all on one scale.
 
     A row is of one method and, where there are several, of one of those that made points with the camera.
     """
+    return _in_parts(data, _maps)
+
+
+def histograms(data: ReportData) -> list[Drawing]:
+    """Histograms, in the same order and on the same scale."""
+    return _in_parts(data, _histograms)
+
+
+def _in_parts(data: ReportData, draw: Callable[[Captures, Evaluations, float], Drawing]) -> list[Drawing]:
     mapped = tuple(e for e in data.evaluations if len(finite_deviations(e)))
     if not mapped:
         return []
     limit_mm = data.colour_limit_mm or colour_limit_mm(mapped)
-    maps: list[Drawing] = []
-    histograms: list[Drawing] = []
+    found: list[Drawing] = []
     for camera in dict.fromkeys(e.devices[0] for e in mapped):
         own = tuple(e for e in mapped if e.devices[0] == camera)
         of = "" if len({e.devices for e in mapped}) == 1 else f" Of {camera}."
         captures = captures_in_order(own)
         across = ceil(len(captures) / ceil(len(captures) / COLUMNS))  # rows of about equal length
         for i in range(0, len(captures), across):
-            for drawn, draw in ((maps, _maps), (histograms, _histograms)):
-                drawing = draw(captures[i : i + across], own, limit_mm)
-                drawn.append(replace(drawing, caption=drawing.caption + of))
-    return _numbered(maps) + _numbered(histograms)
+            drawing = draw(captures[i : i + across], own, limit_mm)
+            found.append(replace(drawing, caption=drawing.caption + of))
+    return _numbered(found)
 
 
-def _rows(evaluations: tuple[PlaneEvaluation, ...]) -> dict[tuple[Method, str], str]:
+def _rows(evaluations: Evaluations) -> dict[tuple[Method, str], str]:
     """Name the rows of a camera's figure, by method and who made the points with it."""
     found = dict.fromkeys((e.method, e.devices[1]) for e in evaluations)
     several = len({by for _, by in found}) > 1
@@ -75,7 +83,7 @@ def _numbered(figures: list[Drawing]) -> list[Drawing]:
     return [replace(f, key=f"{f.key}-{i}", title=f"{f.title}, {i} of {n}") for i, f in enumerate(figures, 1)]
 
 
-def colour_limit_mm(evaluations: tuple[PlaneEvaluation, ...]) -> float:
+def colour_limit_mm(evaluations: Evaluations) -> float:
     """End of the common scale: three times the largest r.m.s. of a map, rounded up to a fifth of its power of ten.
 
     The r.m.s. is that of the map after its greatest hundredth is left aside, so that a few gross errors do not make
@@ -92,7 +100,7 @@ def colour_limit_mm(evaluations: tuple[PlaneEvaluation, ...]) -> float:
     return round(ceil(wanted / step - 1e-9) * step, 12)
 
 
-def _maps(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float) -> Drawing:
+def _maps(captures: Captures, evaluations: Evaluations, limit_mm: float) -> Drawing:
     rows = _rows(evaluations)
     height, width = max(e.deviation_mm.shape for e in evaluations)
     cell_in = (WIDTH_IN - 1.0) / max(len(captures), 2)
@@ -149,7 +157,7 @@ def _printed(values: NDArray[np.float32], most: int) -> NDArray[np.float32]:
     return values[np.ix_(rows, columns)]
 
 
-def _histograms(captures: Captures, evaluations: tuple[PlaneEvaluation, ...], limit_mm: float) -> Drawing:
+def _histograms(captures: Captures, evaluations: Evaluations, limit_mm: float) -> Drawing:
     rows = _rows(evaluations)
     figure = new_figure(min(len(rows) * 1.75 + 0.7, 11.0))
     axes = figure.subplots(len(rows), len(captures), squeeze=False, sharex=True, sharey=True)
@@ -205,7 +213,7 @@ def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np
     axes.text(0.03, 0.98, "\n".join(lines), va="top", fontsize=7, color=INK, transform=axes.transAxes)
 
 
-def _find(evaluations: tuple[PlaneEvaluation, ...], capture: str, of: tuple[Method, str]) -> PlaneEvaluation | None:
+def _find(evaluations: Evaluations, capture: str, of: tuple[Method, str]) -> PlaneEvaluation | None:
     return next((e for e in evaluations if e.capture == capture and (e.method, e.devices[1]) == of), None)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -11,7 +10,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from core.model import Array, DriftPoint
+from core.model import DriftPoint
+from core.report.data import ReportData
 from core.report.figures.canvas import (
     CAMERA,
     FILL,
@@ -31,8 +31,12 @@ Curves = Mapping[str, NDArray[np.float64]]
 HEIGHT_IN = 3.2
 
 
-def drift_drawing(chart: Sequence[DriftPoint]) -> Drawing:
-    """Draw one pair's chart, a panel for each element."""
+def drift(data: ReportData) -> list[Drawing]:
+    """Draw each pair's chart, a panel for each element."""
+    return [_drift(chart) for chart in data.drift]
+
+
+def _drift(chart: Sequence[DriftPoint]) -> Drawing:
     figure = new_figure(1.1 * len(DRIFT_ELEMENTS) + 0.6)
     panels = figure.subplots(len(DRIFT_ELEMENTS), 1, sharex=True)
     at = np.arange(len(chart))
@@ -57,8 +61,12 @@ def drift_drawing(chart: Sequence[DriftPoint]) -> Drawing:
     return Drawing(f"drift-{camera}-{projector}", "Control chart of the rig", caption, alternative, figure)
 
 
-def response_drawing(projector: str, curves: Curves) -> Drawing:
-    """Draw the curves of all captures, their median, and a straight line."""
+def responses(data: ReportData) -> list[Drawing]:
+    """Draw for each projector the curves of all captures, their median, and a straight line."""
+    return [_response(projector, curves) for projector, curves in data.responses.items()]
+
+
+def _response(projector: str, curves: Curves) -> Drawing:
     figure = new_figure(HEIGHT_IN)
     axes = figure.add_subplot()
     level = next(iter(curves.values()))[:, 0]
@@ -78,8 +86,12 @@ def response_drawing(projector: str, curves: Curves) -> Drawing:
     return Drawing(f"response-{projector}", "Response of the projector", caption, alternative, figure)
 
 
-def volume_drawing(layers: Sequence[Mapping[str, Any]], sigma_mm: Array) -> Drawing:
-    """Maps of sigmas, shape (depths, rows, columns) in mm: the nearest, the middle and the farthest depth."""
+def volume(data: ReportData) -> list[Drawing]:
+    """Maps of sigmas over the working volume: the nearest, the middle and the farthest depth."""
+    if data.volume is None:
+        return []
+    figures, maps = data.volume
+    layers, sigma_mm = figures["depths"], maps["form_sigma_mm"]  # (depths, rows, columns)
     shown = [layers[k] for k in sorted({0, len(layers) // 2, len(layers) - 1})]
     _, height, width = sigma_mm.shape
     figure = new_figure((WIDTH_IN - 1.0) / 3 * height / width + 1.1)
@@ -98,5 +110,6 @@ def volume_drawing(layers: Sequence[Mapping[str, Any]], sigma_mm: Array) -> Draw
         "place after the best movement of all points as one. It does not become smaller with less noise in a capture. "
         "Strong colour towards edges and depths: no target was captured beyond. Grey: outside the projector's light."
     )
+    caption += " Of {camera} with {projector}.".format(**figures) if "camera" in figures else ""
     alternative = f"Maps of the sigma of form at {len(shown)} depths; figures in the table of the working volume."
-    return Drawing("volume", "Uncertainty over the working volume", caption, alternative, figure)
+    return [Drawing("volume", "Uncertainty over the working volume", caption, alternative, figure)]

@@ -72,7 +72,7 @@ class _Kept(RendererSVG):
         if im.size:
             place = transform or Affine2D().scale(*(72 * n / self.image_dpi for n in im.shape[1::-1]))
             matrix = Affine2D(place.get_matrix()).translate(x, y).to_values()
-            self.marks.append(partial(_image, _look(gc, None), matrix, fromarray(np.ascontiguousarray(im[::-1]))))
+            self.marks.append(partial(_image, _look(gc, None), matrix, np.ascontiguousarray(im[::-1])))
 
     def draw_text(
         self, gc: Any, x: float, y: float, s: str, prop: Any, angle: float, ismath: Any = False, mtext: Any = None
@@ -141,7 +141,7 @@ def _stroke(look: tuple[Any, ...], code: str, canvas: Canvas) -> None:
 def _image(look: tuple[Any, ...], matrix: tuple[float, ...], pixels: Any, canvas: Canvas) -> None:
     with _drawn(canvas, look):
         canvas.transform(*matrix)
-        canvas.drawImage(ImageReader(pixels), 0, 0, 1, 1, mask="auto")
+        canvas.drawImage(ImageReader(fromarray(pixels)), 0, 0, 1, 1, mask="auto")
 
 
 def _text(

@@ -16,13 +16,22 @@ from core.report import ReportData, pdf
 from core.report.adjusted import correlations
 from core.report.chapters import CHAPTERS, tables
 from core.report.chapters import drawings as drawn
-from core.report.figures import Drawing, set_on_page, svg_text
+from core.report.figures import Drawing, network, planes, set_on_page, svg_text
+from core.report.figures import images as over_images
 from core.report.figures.canvas import CSS_VARIABLES, drawing_style
-from core.report.figures.images import image_drawings, magnification
-from core.report.figures.network import network_drawings
-from core.report.figures.planes import colour_limit_mm, plane_drawings
+from core.report.figures.images import magnification
+from core.report.figures.planes import colour_limit_mm
 
-ALL = ["residuals", "coverage", "network", "convergence", "correlations", "deviations", "histograms"]
+DRAWN = {
+    "residuals": over_images.residuals,
+    "coverage": over_images.coverage,
+    "network": network.network,
+    "convergence": network.convergence,
+    "correlations": network.correlated,
+    "deviations": planes.maps,
+    "histograms": planes.histograms,
+}
+ALL = list(DRAWN)
 
 
 def drawings(data):
@@ -32,11 +41,8 @@ def drawings(data):
 def drawing_of(data, key):
     """Draw the one figure, and those of its file; None where there is none of that name."""
     with drawing_style():
-        if key in ALL[5:]:
-            found = plane_drawings(data)
-        else:
-            found = (image_drawings if key in ALL[:2] else network_drawings)(data.adjustment)
-    return next((drawing for drawing in found if drawing.key == key), None)
+        found = DRAWN[key](data)
+    return next(iter(found), None)
 
 
 def images_of(drawing):
@@ -110,8 +116,8 @@ def test_a_plane_without_deviations_leaves_its_panel_empty(data, evaluations):
 def test_many_captures_are_spread_over_figures_on_one_scale(data, evaluations):
     many = tuple(dataclasses.replace(evaluations[0], capture=f"plane {i}", angle_deg=None) for i in range(9))
     with drawing_style():
-        drawn_of = {drawing.key: drawing for drawing in plane_drawings(ReportData(data.project, evaluations=many))}
-    maps = [drawn_of[f"deviations-{i}"] for i in (1, 2, 3)]
+        maps = planes.maps(ReportData(data.project, evaluations=many))
+    assert [drawing.key for drawing in maps] == ["deviations-1", "deviations-2", "deviations-3"]
     assert [len(images_of(d)) for d in maps] == [3, 3, 3]
     assert len({image.get_clim() for d in maps for image in images_of(d)}) == 1
 
@@ -233,7 +239,7 @@ def test_lines_texts_and_images_of_the_page_stand_where_the_data_are(drawn_as, u
     axes.imshow(levels, cmap="gray", extent=(0, 10, 0, 1), aspect="auto", interpolation=drawn_as)
     out = BytesIO()
     canvas = Canvas(out, pagesize=(288, 216))
-    pdf._register_fonts()
+    pdf.register_fonts()
     set_on_page(Drawing("any", "any", "", "", figure), canvas)
     canvas.save()
     page = PdfReader(out).pages[0]
