@@ -51,7 +51,8 @@ def run_demo(
     pipeline.update_project(project, progress.part(0.6, 1.0))
     note_made(out, {**_facts(out), "demo": "complete"})
     calibrations, evaluations = pipeline.load_calibrations(project), pipeline.evaluate.load_evaluation(project)
-    report = ReportPaths(*(pipeline.folders.result_path(project, f"report/report.{kind}") for kind in ("html", "pdf")))
+    folder = pipeline.folders.result_path(project, "report")
+    report = ReportPaths(folder / "report.html", folder / "report.pdf")
     figures = {**pipeline.methods.calibration_figures(calibrations), **evaluation_figures(evaluations)}
     return Demo(pipeline.report.result_tables(project, evaluations), figures, report)
 

@@ -95,10 +95,11 @@ class ReportData:
 
 @dataclass(frozen=True)
 class ReportPaths:
-    """The files of a report."""
+    """The files of a report; `outdated` as `ReportData` says it."""
 
     html: Path
     pdf: Path
+    outdated: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ def write_report(data: ReportData, out: Path, *, progress: Progress = SILENT) ->
     html = html_text(document, progress=progress.part(0.8, 0.85)).encode("utf-8")
     pdf = pdf_bytes(document, progress=progress.part(0.85, 0.95))
     progress.check()
-    paths = ReportPaths(Path(out) / "report.html", Path(out) / "report.pdf")
+    paths = ReportPaths(Path(out) / "report.html", Path(out) / "report.pdf", data.outdated)
     contents = {paths.html: html, paths.pdf: pdf}
     write_together({path: sealed(content, path.suffix, data.sign_off) for path, content in contents.items()})
     progress(1.0, "report written")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -238,7 +239,7 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
 
 def _report(options: Options, progress: Progress) -> dict[str, Any]:
     paths = pipeline.report_project(options.project, options.out, progress)
-    _tell_outdated(options)
+    _tell(options, paths.outdated)
     print(f"{paths.html}\n{paths.pdf}")
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
 
@@ -274,6 +275,10 @@ def _print_doubts(capture: str, figures: dict[str, Any], several: bool) -> None:
 
 def _tell_outdated(options: Options, method: str | None = None) -> None:
     """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
-    if words := pipeline.report.outdated_words(options.project, method):
+    _tell(options, pipeline.report.outdated_words(options.project, method))
+
+
+def _tell(options: Options, words: Sequence[str]) -> None:
+    if words:
         told = f"{'; '.join(words)}; run `stripe-core update {options.project.path}`"
         print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)
