@@ -47,8 +47,9 @@ def work(k, progress):
         os.kill(os.getpid(), signal.SIGKILL)
     return k, os.getpid() == me
 
-found = list(on_processes(work, 9, said))
-assert [k for k, _ in found] == list(range(9)), found
+beside = []
+found = list(on_processes(work, 9, said, meanwhile=lambda: beside.append(os.getpid())))
+assert [k for k, _ in found] == list(range(9)) and beside == [me], found
 assert [k for k, here in found if here] == [5], found
 assert "patience" in heard and {f"piece {k}" for k in range(9)} <= {*heard}, heard
 
