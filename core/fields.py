@@ -74,10 +74,11 @@ class Fields:
         """Name fields of a document that nobody asked for beside a like one that is missing: where, it, that."""
         if self.read is None:
             return
-        for key in sorted(self.data.keys() - self.read.asked):
+        missing = sorted(self.read.asked - self.data.keys())
+        for key in sorted(self.data.keys() - self.read.asked) if missing else ():
             from difflib import get_close_matches
 
-            if like := get_close_matches(key, sorted(self.read.asked - self.data.keys()), 1, LIKE):
+            if like := get_close_matches(key, missing, 1, LIKE):
                 yield self.where, key, like[0]
         for part in self.read.parts:
             yield from part.misspelt()

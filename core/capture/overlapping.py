@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from core.capture.contradictions import Looked, contradicting, looks
 from core.capture.lookup import nearest_within
 from core.capture.plan import Plan
-from core.numerics import median_of, spaced
+from core.numerics import median_of, quantile_of, spaced
 from core.patterns import Code, level_of
 
 Array = NDArray[np.float32]
@@ -45,7 +45,7 @@ def overlapping(plan: Plan, looked: Looked, share: float, most: float) -> str:
             if best is None:
                 best = nearest_within(values[keep], own + HALF * (other - own), looked.limit)[1]
             told = [t for j in codes if j in beside for t in _held(values[j], possible[j, best], beside[j][best])]
-            if len(told) < FRAMES or np.ptp(np.quantile(told, [FEW, 1 - FEW])) > ALIKE:
+            if len(told) < FRAMES or quantile_of(told, 1 - FEW) - quantile_of(told, FEW) > ALIKE:
                 continue
             if LEAST < (held := median_of(told)) < MOST:
                 apart = values[keep] - np.float32(held) * (other - own)[:, best]
