@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 THREADS = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 _ALIGNED = 64  # bytes at which arrays begin
+FEWEST = 3  # pieces of work that are worth processes
 _AT_ONCE = 16_000  # numbers that a pipe holds
 TURNS = 4  # bands of each thread: who meets a busy processor leaves the rest to the others
 
@@ -89,7 +90,7 @@ def can_fork(count: int) -> bool:
     A copy of a process has none of its threads, and locks that they held are never released: only a process of a single
     thread is copied, as most commands are. The window's, a test's or a Dask worker's is not.
     """
-    if not 2 < count < _AT_ONCE or THREADS < 2:
+    if not FEWEST <= count < _AT_ONCE or THREADS < 2:
         return False
     others = [thread for thread in threading.enumerate() if thread is not threading.current_thread()]
     if all(thread.name.startswith("bands") for thread in others):
@@ -173,6 +174,40 @@ def on_processes(
                 copy.join()
 
 
+def beside(work: Callable[[], T]) -> Callable[[], T]:
+    """Begin small work in a copy of this process, where one can be had; give what waits for its result.
+
+    Where there is no copy, or it fails, the work is done when the result is asked for.
+    """
+    if not can_fork(FEWEST):
+        return work
+    reader, writer = os.pipe()
+    copy = os.fork()
+    if not copy:
+        with suppress(BaseException):  # also the signals that end a command
+            os.close(reader)
+            _alone()
+            with open(writer, "wb") as file:
+                file.write(pickle.dumps(work()))
+        os._exit(0)
+    os.close(writer)
+
+    def result() -> T:
+        with open(reader, "rb") as file:
+            text = file.read()
+        os.waitpid(copy, 0)
+        return cast("T", pickle.loads(text)) if text.endswith(pickle.STOP) else work()
+
+    return result
+
+
+def _alone() -> None:
+    """Use one thread, in a copy of a process that uses all processors."""
+    limit_threads(1)
+    if "cv2" in sys.modules:
+        sys.modules["cv2"].setNumThreads(1)
+
+
 def _copy(work: Callable[[int, Progress], Any], turn: int, sender: Connection, readers: list[Connection]) -> None:
     """Work on pieces until none is left, or nobody reads any more what comes of them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who was copied ends its copies
@@ -180,9 +215,7 @@ def _copy(work: Callable[[int, Progress], Any], turn: int, sender: Connection, r
         signal.signal(getattr(signal, ending), signal.SIG_DFL)
     for reader in readers:
         reader.close()
-    limit_threads(1)
-    if "cv2" in sys.modules:
-        sys.modules["cv2"].setNumThreads(1)
+    _alone()
     said = Progress(lambda fraction, message: sender.send((-1, message)))
     with suppress(BrokenPipeError):
         while number := os.read(turn, 4):

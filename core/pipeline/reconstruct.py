@@ -18,6 +18,7 @@ from core.model import (
     PointCloud,
     Project,
 )
+from core.parallel import beside
 from core.pipeline.calibrate import chosen_calibration, photogrammetric_calibration
 from core.pipeline.decode import decode_series, one_series, phase_maps
 from core.pipeline.evidence import points_of, shared_frames
@@ -54,6 +55,7 @@ def reconstruct_capture(
     record = METHODS[chosen]
     capture = one_series(find_capture(project, name), camera, projector)
     check_pair(project, record, calibration, capture.camera, capture.projector)
+    shared = beside(lambda: shared_frames(project, [capture])[capture.name])
     used = calibration
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
@@ -72,7 +74,7 @@ def reconstruct_capture(
         seen = [phase]
         with points_of(capture, seen):
             cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
-    said = (*shared_frames(project, [capture])[capture.name], *said_of(capture, seen, _witness(project, chosen, used)))
+    said = (*shared(), *said_of(capture, seen, _witness(project, chosen, used)))
     return phase, judge_points(cloud, {capture.name: said}, chosen, calibration)
 
 

@@ -100,6 +100,45 @@ def test_targets_are_the_same_by_processes_and_by_threads(
     assert by_processes == by_threads
 
 
+BESIDE = """
+import os, signal
+import numpy as np
+from core.errors import InputError
+from core.parallel import beside, limit_threads, run_in_bands
+
+limit_threads(2)
+me = os.getpid()
+
+def killed():
+    if os.getpid() != me:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return "done here"
+
+def wrong():
+    raise InputError("beside", "nothing", "look again")
+
+large = beside(lambda: (os.getpid() != me, np.arange(1e6)))
+ends, fails, unread = beside(killed), beside(wrong), beside(lambda: bytes(10**6))
+run_in_bands(lambda start, stop: None, 100)
+elsewhere, numbers = large()
+assert elsewhere and np.array_equal(numbers, np.arange(1e6))
+assert ends() == "done here"
+try:
+    fails()
+except InputError as error:
+    assert error.where == "beside"
+else:
+    raise AssertionError("no error")
+limit_threads(1)
+assert beside(os.getpid)() == me
+"""
+
+
+def test_work_beside_is_done_elsewhere_or_else_here() -> None:
+    done = subprocess.run([sys.executable, "-c", BESIDE], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 DECODED = """
 import os, sys
 from pathlib import Path

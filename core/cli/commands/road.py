@@ -12,6 +12,7 @@ from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, check_out, method_name
 from core.cli.console import print_left_out, print_plane_verdicts, print_verdict
 from core.errors import InputError, StripeError
+from core.parallel import beside
 from core.progress import Progress
 
 
@@ -167,8 +168,11 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import verdict_figures
 
+    project, method = options.project, options.method
+    outdated = beside(
+        lambda: pipeline.report.outdated_words(project, method or pipeline.calibrate.methods_in_use(project)[0])
+    )
     pipeline.reconstruct.check_cloud(options.out)
-    project = options.project
     one_pair = options.projector or (options.method and not pipeline.METHODS[options.method].joint)
     several = not one_pair and pipeline.views.seen_by_several(project, options.capture)
     if several and options.orient:  # two that are calibrated are corrected as a pair
@@ -207,7 +211,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
         )
         figures["covered"] = covered
-    _tell_outdated(options, options.method or pipeline.calibrate.methods_in_use(project)[0])
+    _tell(options, outdated())
     return figures
 
 
@@ -273,12 +277,12 @@ def _print_doubts(capture: str, figures: dict[str, Any], several: bool) -> None:
         print_verdict(capture, of_points)
 
 
-def _tell_outdated(options: Options, method: str | None = None) -> None:
-    """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
-    _tell(options, pipeline.report.outdated_words(options.project, method))
+def _tell_outdated(options: Options) -> None:
+    _tell(options, pipeline.report.outdated_words(options.project))
 
 
 def _tell(options: Options, words: Sequence[str]) -> None:
+    """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
     if words:
         told = f"{'; '.join(words)}; run `stripe-core update {options.project.path}`"
         print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)
