@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from core.model import (
     Project,
 )
 from core.parallel import beside
-from core.pipeline.calibrate import chosen_calibration, photogrammetric_calibration
+from core.pipeline.calibrate import chosen_calibration, methods_in_use, photogrammetric_calibration
 from core.pipeline.decode import decode_series, one_series, phase_maps
 from core.pipeline.evidence import points_of, shared_frames
 from core.pipeline.folders import find_capture
@@ -76,6 +77,17 @@ def reconstruct_capture(
             cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
     said = (*shared(), *said_of(capture, seen, _witness(project, chosen, used)))
     return phase, judge_points(cloud, {capture.name: said}, chosen, calibration)
+
+
+def outdated_beside(project: Project, method: Method | None) -> Callable[[], tuple[str, ...]]:
+    """Begin to find out whether the calibration that is used follows from what is there; give what waits for it."""
+
+    def words() -> tuple[str, ...]:
+        from core.pipeline.report import outdated_words  # of the copy alone
+
+        return outdated_words(project, method or methods_in_use(project)[0])
+
+    return beside(words)
 
 
 def _witness(project: Project, method: Method, used: Calibration | Pair) -> Calibration | Pair:

@@ -12,7 +12,6 @@ from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, check_out, method_name
 from core.cli.console import print_left_out, print_plane_verdicts, print_verdict
 from core.errors import InputError, StripeError
-from core.parallel import beside
 from core.progress import Progress
 
 
@@ -168,10 +167,8 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import verdict_figures
 
-    project, method = options.project, options.method
-    outdated = beside(
-        lambda: pipeline.report.outdated_words(project, method or pipeline.calibrate.methods_in_use(project)[0])
-    )
+    project = options.project
+    outdated = pipeline.reconstruct.outdated_beside(project, options.method)
     pipeline.reconstruct.check_cloud(options.out)
     one_pair = options.projector or (options.method and not pipeline.METHODS[options.method].joint)
     several = not one_pair and pipeline.views.seen_by_several(project, options.capture)
