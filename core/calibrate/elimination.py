@@ -1,10 +1,12 @@
 """Solving and inverting the normal equations, by the elimination that suits the network.
 
-Usually the poses are eliminated: what remains are the globals and the points, however many stations there are. The
-reduced system holds the covariances of all that matters, and the inner constraints join it directly.
+Where the covariances are wanted, the poses are eliminated: what remains are the globals and the points, however many
+stations there are. The reduced system holds the covariances of all that matters, and the inner constraints join it
+directly.
 
-In networks of very many points these are eliminated: what remains are the globals and the poses. The inner constraints
-and the measured distance bind the points. They join the elimination as Lagrange multipliers::
+To find the solution, and in networks of very many points, these are eliminated, for they have more unknowns: what
+remains are the globals and the poses. The inner constraints and the measured distance bind the points. They join the
+elimination as Lagrange multipliers::
 
     | N   B   F | | dx |   | b |        x: points (block diagonal N)     F = (D, e): constraints' columns, distance
     | Bᵀ  M   0 | | dz | = | g |        z: globals and poses             E = diag(0 ... 0, 1): the distance may be off

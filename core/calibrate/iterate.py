@@ -8,7 +8,7 @@ from core.calibrate.datum import aligned
 from core.calibrate.elimination import Reduced, reduce
 from core.calibrate.equations import cost_of
 from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import Problem
+from core.calibrate.problem import Problem, sorted_by_points
 from core.calibrate.state import State, Step, moved
 from core.lazy import dataclass
 from core.progress import SILENT, Progress
@@ -28,11 +28,11 @@ ROUNDING_STALL = 1e-9  # and this, where no part of the step lowers it
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the iterations ended: the state, vᵀPv at every iteration, and the normals before the last, tiny step."""
+    """Where the iterations ended: the state, vᵀPv at every iteration, and the state before the last, tiny step."""
 
     state: State
     convergence: tuple[float, ...]
-    reduced: Reduced
+    before: State
 
     @property
     def cost(self) -> float:
@@ -60,13 +60,18 @@ def iterate(
     """
     state = aligned(problem, state)
     cost = cost_of(problem, state)
+    quickest = sorted_by_points(problem) if 3 * problem.points > 6 * problem.poses else problem
     convergence = [cost]
     damping, before, refused = 0.0, 0.0, 0
     rounding = float(np.sum((ROUNDING * problem.uv * problem.root_weight) ** 2))
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
-        reduced, damping = regular(problem, state, damping)
-        step = reduced.solve(problem)
+        try:
+            reduced, damping = regular(quickest, state, damping)
+        except SingularNormalsError:
+            quickest = problem  # which of its unknowns are to blame
+            reduced, damping = regular(problem, state, damping)
+        step = reduced.solve(quickest)
         _tell(progress, iteration, problem, cost, step)
         ratio = min(step.gain / before, 1.0) if before > 0 else 1.0
         remaining = max(ratio, LEAST_CONTRACTION**2) * step.gain
@@ -81,11 +86,12 @@ def iterate(
             better = _relaxed(problem, state, cost, trial_cost, step)
             if better is not None:
                 (trial, trial_cost), whole = better, False
+        reached = state
         if share > 0:
             state, cost = aligned(problem, trial), trial_cost
         convergence.append(cost)
         if last:
-            return Solution(state, tuple(convergence), reduced)
+            return Solution(state, tuple(convergence), reached)
         before = step.gain if whole else 0.0
         # where rounding called for damping, a step without any decides
         damping = 0.0 if stalled else next_damping(damping, share)

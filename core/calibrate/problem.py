@@ -264,6 +264,23 @@ def reweighted(problem: Problem, factor: Array) -> Problem:
     return replace(problem, root_weight=problem.root_weight * factor)
 
 
+def sorted_by_points(problem: Problem) -> Problem:
+    """The same problem, of which the points are eliminated."""
+    order = np.lexsort((problem.device, problem.point))
+    point = problem.point[order]
+    return replace(
+        problem,
+        device=problem.device[order],
+        pose=problem.pose[order],
+        point=point,
+        order=problem.order[order],
+        uv=problem.uv[order],
+        root_weight=problem.root_weight[order],
+        by_points=True,
+        first=np.searchsorted(point, np.arange(problem.points + 1)).astype(np.int64),
+    )
+
+
 def weighted_problem(network: Network, factors: Mapping[str, float]) -> Problem:
     """Give the problem of a network with every device's variances multiplied by its factor."""
     problem = problem_of(network)

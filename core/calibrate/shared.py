@@ -22,7 +22,7 @@ from core.model import Array, Ints, Network, TargetSet
 
 
 def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
-    """Give a solution whose cofactors of all kept unknowns, and variance factors, hold what its targets share."""
+    """Give a solution whose cofactors of points and globals, and variance factors, hold what its targets share."""
     problem, inverse, U = solved.problem, solved.inverse, len(solved.inverse.Q)
     C = inverse.C.reshape(-1, U)
     # unknowns as they are kept, then those eliminated, and a last one for what is held
@@ -78,11 +78,15 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
     Q = np.concatenate([inverse.Q, -C @ inverse.Q])
     carried = found @ Q
     blocks = U + np.arange(len(C)).reshape(inverse.C.shape[:2])
-    followed = np.trace(carried[:U]) - np.sum(C * carried[U:])
-    followed += np.sum(inverse.Q_own * found[blocks[:, :, None], blocks[:, None, :]])
+    of_blocks = found[blocks[:, :, None], blocks[:, None, :]]
+    followed = np.trace(carried[:U]) - np.sum(C * carried[U:]) + np.sum(inverse.Q_own * of_blocks)
     left = 1.0 - float(followed) / problem.redundancy
     factors = {name: f if f == 1 else f / left for name, f in solved.factors.items()}  # 1: none was estimated
-    return replace(solved, inverse=replace(inverse, Q=(inverse.Q + Q.T @ carried) / left), factors=factors)
+    Q_own = inverse.Q_own
+    if problem.by_points:  # apart from what the datum makes points share
+        across = Q_own @ carried[U:].reshape(inverse.C.shape) @ np.swapaxes(inverse.C, 1, 2)
+        Q_own = (Q_own + Q_own @ of_blocks @ Q_own - across - np.swapaxes(across, 1, 2)) / left
+    return replace(solved, inverse=replace(inverse, Q=(inverse.Q + Q.T @ carried) / left, Q_own=Q_own), factors=factors)
 
 
 def _root(cov: Array | None) -> Array:

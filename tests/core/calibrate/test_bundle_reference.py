@@ -9,6 +9,7 @@ import pytest
 
 from core.calibrate import adjust
 from core.calibrate.covariance import point_cofactors, pose_cofactors, redundancy_numbers
+from core.calibrate.elimination import reduce
 from core.calibrate.equations import linearise
 from core.calibrate.initial import initial_state
 from core.calibrate.iterate import iterate
@@ -162,13 +163,13 @@ def test_eliminating_the_points_gives_what_eliminating_the_poses_gives(simulate,
     results = []
     for by_points in (False, True):
         problem = problem_of(network, by_points=by_points)
-        solution = iterate(problem, initial_state(network, problem))
-        inverse = solution.reduced.invert(problem)
-        numbers = redundancy_numbers(problem, linearise(problem, solution.reduced.state), inverse)[
-            np.argsort(problem.order)
-        ]
+        start = initial_state(network, problem)
+        solution, step = iterate(problem, start), reduce(problem, start).solve(problem)
+        inverse = reduce(problem, solution.before).invert(problem)
+        numbers = redundancy_numbers(problem, linearise(problem, solution.before), inverse)[np.argsort(problem.order)]
         cofactors = point_cofactors(problem, inverse), pose_cofactors(problem, inverse)
-        results.append((solution.state.xyz, solution.state.interior, *cofactors, numbers))
+        found = solution.state.xyz, solution.state.interior, *cofactors, numbers
+        results.append((*found, step.z, step.pose, step.xyz, np.array(step.gain)))
     for one, other in zip(*results, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(one).max(), rtol=1e-5)
 

@@ -17,6 +17,7 @@ from core.calibrate import (
     next_poses,
 )
 from core.calibrate.adjust import solve_network
+from core.calibrate.datum import datum_columns
 from core.calibrate.next_pose import NextPose
 from core.calibrate.rigid import rigidity_of
 from core.errors import AdjustmentError, InputError
@@ -338,8 +339,11 @@ def in_rows(t):
     return sum(np.einsum("ia,jb->ijab", one, other) for one, other in pairs)
 
 
-def test_errors_that_targets_share_are_in_the_covariance(measured):
+@pytest.mark.parametrize("by_points", [False, True])
+def test_errors_that_targets_share_are_in_the_covariance(measured, monkeypatch, by_points):
     _, rig, field, sets, bar = measured
+    if by_points:
+        monkeypatch.setattr("core.calibrate.problem.MOST_REDUCED", 0)
     for k in (1, 4):
         gradient = np.tile([[0.9, 0.1], [-0.1, 1.1]], (len(sets[k].row), 1, 1))
         shifts = np.array([[16, -6, 0], [-6, 9, 2], [0, 2, 4]]) * 1e-4
@@ -380,6 +384,16 @@ def test_errors_that_targets_share_are_in_the_covariance(measured):
     found = calibration.covariance[:18, :18] / adjustment.sigma0**2
     assert np.abs((found - true) / np.outer(unit, unit)).max() < 1e-4
     assert np.abs((plain - true) / np.outer(unit, unit)).max() > 0.05  # what is shared counts
+    points = adjustment.points_mm
+    D = datum_columns(points - points.mean(axis=0), np.eye(7)[:, :6])
+    of_points = inverse[-points.size :]
+    free = of_points - D @ np.linalg.lstsq(D, of_points, rcond=None)[0]  # inner constraints: no part of a movement
+    true, plain = free @ S @ free.T / left, free @ free.T
+    for i, found in enumerate(adjustment.point_cov_mm2 / adjustment.sigma0**2):
+        own = slice(3 * i, 3 * i + 3)
+        # what the datum makes points share is left out where they are eliminated
+        assert np.abs(found - true[own, own]).max() < (0.02 if by_points else 1e-3) * np.abs(true[own, own]).max()
+    assert np.trace(true) > 1.02 * np.trace(plain)
     asked, again = calibrate_photogrammetric(
         rig, field, sets, scale=bar, options=AdjustOptions(variance_components=True)
     )
