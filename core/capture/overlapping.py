@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from core.capture.contradictions import Looked, contradicting, looks
 from core.capture.lookup import nearest_within
 from core.capture.plan import Plan
-from core.numerics import median_of, quantile_of, spaced
+from core.numerics import median_of, normal_equations, quantile_of, spaced
 from core.patterns import Code, level_of
 
 Array = NDArray[np.float32]
@@ -41,10 +41,13 @@ def overlapping(plan: Plan, looked: Looked, share: float, most: float) -> str:
         beside = {j: light for j, light in near.items() if light is not None}
         keep = [*beside]
         own, other = possible[keep], np.array([*beside.values()], np.float32).reshape(-1, possible.shape[1])
+        of = [j for j in codes if j in beside]
+        if len(of) < FRAMES:
+            continue
         for best in (plain, None) if share > most else (plain,):
             if best is None:
                 best = nearest_within(values[keep], own + HALF * (other - own), looked.limit)[1]
-            told = [t for j in codes if j in beside for t in _held(values[j], possible[j, best], beside[j][best])]
+            told = _held(values[of], possible[of][:, best], np.array([beside[j][best] for j in of]))
             if len(told) < FRAMES or quantile_of(told, 1 - FEW) - quantile_of(told, FEW) > ALIKE:
                 continue
             if LEAST < (held := median_of(told)) < MOST:
@@ -69,11 +72,18 @@ def _light(plan: Plan, looked: Looked, possible: Array, shot: int) -> Array | No
     return None if level is None else np.full(possible.shape[1], level, np.float32)
 
 
-def _held(seen: Array, own: Array, other: Array) -> list[float]:
-    """Share of another light that a frame holds, from what is seen (n,) and both lights; none where these are alike."""
+def _held(seen: Array, own: Array, other: Array) -> NDArray[np.float64]:
+    """Shares of another light that frames hold, from what is seen (k, n) and both lights; not where these are alike."""
     sure = (own < DARK) | (own > BRIGHT)
-    A = np.stack([np.ones_like(own), own, other], axis=1)[sure]
-    if len(A) < len(own) / 4 or np.ptp(A[:, 1:], axis=0).min() < HALF or abs(np.corrcoef(A[:, 1:].T)[0, 1]) > SAME:
-        return []
-    _, light, held = np.linalg.lstsq(A, seen[sure], rcond=None)[0]
-    return [float(held / (light + held))] if light + held > DARK else []
+    lights = np.stack([own, other])
+    apart = np.min(
+        np.max(lights, axis=2, where=sure, initial=0) - np.min(lights, axis=2, where=sure, initial=1), axis=0
+    )
+    A = np.stack([np.ones_like(own), own, other], axis=2).astype(np.float64)
+    N, b = normal_equations(A, sure.astype(np.float64), seen[..., None].astype(np.float64))
+    count = np.maximum(N[:, :1, :1], 1)
+    spread = N[:, 1:, 1:] / count - N[:, 1:, :1] * N[:, :1, 1:] / count**2
+    alike = np.abs(spread[:, 0, 1]) > SAME * np.sqrt(spread[:, 0, 0] * spread[:, 1, 1])
+    tells = (N[:, 0, 0] >= own.shape[1] / 4) & (apart >= HALF) & ~alike
+    light, held = np.linalg.solve(N[tells], b[tells])[:, 1:, 0].T
+    return np.asarray(held / (light + held))[light + held > DARK]

@@ -44,7 +44,7 @@ def drop_vague(place: Singles, sigma: Singles, flags: np.ndarray, period: float,
     At two sigmas to either side such a pixel may lie a finest `period` away: its phase is measured, its place is not.
     `missing` is `Flag.NO_U` or `Flag.NO_V`.
     """
-    vague = np.nonzero(sigma > VAGUE * period)  # few
+    vague = np.divmod(np.flatnonzero(sigma > VAGUE * period), sigma.shape[1])  # few
     invalidate(place, sigma, flags, vague, Flag.UNSURE | missing)
 
 

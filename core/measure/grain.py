@@ -7,6 +7,7 @@ sums over many, has more than so many independent pixels would leave it. Smoothi
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import cv2
@@ -15,13 +16,15 @@ from numpy.typing import NDArray
 
 from core.measure.rays import Rays
 from core.model import Array, Floats
-from core.numerics import median_of, quantum
+from core.numerics import median_of, quantum, spaced
 
 UNLIKE = 0.005  # of their gain, by which pixels of a mosaic differ at least
 BLOCKS = 2, 4  # px: sides of blocks whose sums tell the noise; even, so that a mosaic's pixels count alike
 LEAST = 30  # independent blocks that tell it
 SHOWN = 3.0  # standard deviations by which noise must be alike to count
 ROUNDED = 0.25  # of a step's square, noise of which is mostly rounding, that goes on over many pixels
+ENOUGH = 200_000, 1_000_000  # pixels that tell gains, and noise
+BAND = 16  # rows of each part of an image that has more
 ODD = 1.15  # times the least variance of differences beyond which pixels are unlike: interpolated 1.3 to 1.45
 # px·sqrt(px) and per px²: what 6 to 22 px dots of blurs from 0.3 to 1.2 px, free of noise, lose to interpolation of
 # colours, bilinear or along edges; these widen edges by 0.27 and 0.38 px², and a pixel's own square by 1 / 12
@@ -47,9 +50,9 @@ def balanced(image: Floats) -> Floats:
 
 def _gains(image: Floats, smooth: NDArray[Any], of: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Medians of the ratios to the smooth image of the pixels in use, by their place in squares of two by two."""
-    gain = np.ones((2, 2), np.float32)
+    gain, apart = np.ones((2, 2), np.float32), 2 * max(1, image.size // ENOUGH[0])
     for i, j in np.ndindex(2, 2):
-        at = (slice(i, None, 2), slice(j, None, 2))
+        at = (slice(i, None, apart), slice(j, None, 2))
         if (known := of[at]).any():
             gain[i, j] = median_of(image[at][known] / smooth[at][known])
     return gain
@@ -79,7 +82,9 @@ def grain(image: Floats, rays: Rays, window: Array, even: Array) -> Grain:
     steadily. As noise reaches a few pixels, ever fewer of a block share theirs with those outside: what is missing
     falls with 1 / b. The middles have room for small blocks alone, which miss as large a part there.
     """
-    ground = _drawn(image.shape, rays, 2 * window) - _drawn(image.shape, rays, window)
+    some = _rows(*image.shape)
+    within = partial(_drawn, image.shape, rays, some)
+    image, ground = image[some], within(2 * window) - within(window)
     found = [_of_blocks(image, ground, b) for b in BLOCKS]
     if min(number for _, number in found) < LEAST:
         return PLAIN
@@ -90,7 +95,7 @@ def grain(image: Floats, rays: Rays, window: Array, even: Array) -> Grain:
     step = quantum(image) if np.array_equal(image, np.rint(image)) else 0.0
     if near <= ROUNDED * step**2 or whole - near < SHOWN * doubt:
         return PLAIN
-    middles = _drawn(image.shape, rays, even)
+    middles = within(even)
     high, number = _of_blocks(image, middles, BLOCKS[0])
     rise = float(_of_neighbours(image, middles).mean()) - near if number >= LEAST else 0.0
     slope = (high - fine) / rise * whole / fine if rise > 0 and high > fine else whole / near
@@ -108,9 +113,9 @@ def of_lattice(found: Grain, diameter: Array, spread: Array) -> Array:
 
 def _of_blocks(image: Floats, use: NDArray[np.uint8], b: int) -> tuple[float, float]:
     """Variance a pixel in sums of blocks, where all four are in use; how many are independent."""
-    sums = cv2.boxFilter(image, cv2.CV_64F, (b, b), anchor=(0, 0), normalize=False)
+    sums = cv2.boxFilter(image, cv2.CV_32F, (b, b), anchor=(0, 0), normalize=False)
     twist = sums[:-b, :-b] - sums[b:, :-b] - sums[:-b, b:] + sums[b:, b:]
-    whole = cv2.boxFilter(use, cv2.CV_32F, (2 * b, 2 * b), anchor=(0, 0), normalize=False)[:-b, :-b] == 4 * b * b
+    whole = cv2.erode(use, np.ones((2 * b, 2 * b), np.uint8), anchor=(0, 0))[:-b, :-b].view(np.bool_)
     whole[twist.shape[0] - b + 1 :], whole[:, twist.shape[1] - b + 1 :] = False, False  # reach beyond the image
     some = twist[whole]
     return clipped_variance(some) / (4 * b * b) if len(some) else 0.0, len(some) / (b * b)
@@ -124,18 +129,29 @@ def _of_neighbours(image: Floats, use: NDArray[np.uint8]) -> Array:
     return np.array([clipped_variance(second[part][some[part]]) / 6 if some[part].any() else 0.0 for part in parts])
 
 
-def _drawn(shape: tuple[int, ...], rays: Rays, radius: Array) -> NDArray[np.uint8]:
-    """1 within so large ellipses (m,), in the unit disc, of dots; else 0."""
+def _rows(height: int, width: int) -> NDArray[np.intp]:
+    """Numbers of rows that tell the noise: all, or bands of them, each from an even row on."""
+    bands = max(ENOUGH[1] // (width * BAND), 1)
+    if 2 * BAND * bands > height:
+        return np.arange(height)
+    return np.asarray(spaced(height - BAND, bands)[:, None] // 2 * 2 + np.arange(BAND)).ravel()
+
+
+def _drawn(shape: tuple[int, ...], rays: Rays, rows: NDArray[np.intp], radius: Array) -> NDArray[np.uint8]:
+    """1 within so large ellipses (m,), in the unit disc, of dots, else 0; some rows of an image, parted by zeros."""
     drawn = np.zeros(shape, np.uint8)
     left, size, _ = np.linalg.svd(np.nan_to_num(rays.ellipse))
-    half, angle = radius[:, None] * size, np.degrees(np.arctan2(left[:, 1, 0], left[:, 0, 0]))
-    for centre, axes, turn in zip(rays.centre, half, angle.tolist(), strict=True):
-        if np.isfinite(centre).all() and np.isfinite(axes).all() and axes.min() > 0:
-            cv2.ellipse(drawn, (tuple(centre.tolist()), tuple((2 * axes).tolist()), turn), 1, cv2.FILLED)
-    return drawn
+    axes, angle = 2 * radius[:, None] * size, np.degrees(np.arctan2(left[:, 1, 0], left[:, 0, 0]))
+    known = np.isfinite(rays.centre).all(axis=1) & np.isfinite(axes).all(axis=1) & (axes.min(axis=1) > 0)
+    for box in zip(rays.centre[known].tolist(), axes[known].tolist(), angle[known].tolist(), strict=True):
+        cv2.ellipse(drawn, box, 1, cv2.FILLED)
+    found = drawn[rows]
+    if len(rows) < len(drawn):
+        found[BAND - 1 :: BAND] = 0
+    return found
 
 
-def clipped_variance(values: Array) -> float:
+def clipped_variance(values: Array | Floats) -> float:
     """Mean square about the median, without what lies beyond three standard deviations."""
     square = (values - median_of(values)) ** 2
     spread = 2.2 * median_of(square)  # the median of a squared Gaussian is 0.455 of its variance

@@ -129,7 +129,7 @@ def _fitted(A: Array, seen: Array, told: Array, share: Array, prior: Array, own:
         square = (seen - (A @ fit)[..., 0]) ** 2 * known
         doubt = 1 / (1 + square / 9)
         # of a dot's own values, which the fit has drawn to itself
-        drawn = np.einsum("mni,mij,mnj->mn", A[:, chosen], C, A[:, chosen]) * known[:, chosen]
+        drawn = np.sum(A[:, chosen] @ C * A[:, chosen], axis=2) * known[:, chosen]
         left = np.where(known[:, chosen] > 0, square[:, chosen] / np.maximum(1 - drawn, 0.1), np.nan)
         for i, part in enumerate((left[:, :own], left[:, own:])):
             if np.isfinite(part).any():

@@ -9,7 +9,7 @@ from core.compiling import njit
 from core.measure.kernels import inverted
 from core.measure.rays import Rays
 from core.model import Array, Floats
-from core.numerics import MEDIAN_OF_NORMAL, exponents, four_pixels, nearest, polynomial, row_median
+from core.numerics import MEDIAN_OF_NORMAL, exponents, four_pixels, median_of, nearest, polynomial, row_median
 from core.parallel import run_in_bands
 
 TERMS, BENT = 6, 3  # of a quadratic surface: all, and those by which it bends
@@ -50,7 +50,7 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     if np.count_nonzero(known) < ENOUGH * (len(exponents(DEGREE)) + 2):
         return nothing
     middle, size = uv[known].mean(axis=0), float(np.ptp(uv[known], axis=0).max()) / 2
-    x, y, noise = (uv - middle) / size, np.where(known, lines, 0.0), float(np.median(sigma[known]))
+    x, y, noise = (uv - middle) / size, np.where(known, lines, 0.0), median_of(sigma[known])
     A, root = np.concatenate([polynomial(x[:, 0], x[:, 1], DEGREE), -x * y[:, None]], axis=1), known.astype(float)
     for _ in range(5):  # a coordinate decoded wrongly is far off
         Q, R = np.linalg.qr(A * root[:, None])
@@ -58,7 +58,7 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
             return nothing
         fit = np.linalg.solve(R, Q.T @ (root * y))
         off = np.abs(y - A @ fit)
-        usual = float(np.median(off[known])) / MEDIAN_OF_NORMAL
+        usual = median_of(off[known]) / MEDIAN_OF_NORMAL
         root = known / np.sqrt(1 + (off / (3 * max(usual, noise))) ** 2)
 
     def there(step: Array) -> Array:
@@ -72,7 +72,7 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     uu, across, vv = (there(step) + there(-step) - 2 * here for step in (u, u + v, v))
     second = np.stack([uu, (across - uu - vv) / 2, vv], axis=1)
     fitted = np.linalg.norm(second[..., :-1] @ np.linalg.inv(R), axis=2).max(axis=1) * max(usual, noise)
-    apart = np.median(np.linalg.norm(uv[known] - uv[known][nearest(uv[known], 2)[:, 1]], axis=1))
+    apart = median_of(np.linalg.norm(x[known] - x[known][nearest(x[known], 2)[:, 1]], axis=1)) * size
     uneven = np.sqrt(max(usual**2 - EVEN * noise**2, 0.0)) * (np.pi / (2 * apart)) ** 2
     found = np.concatenate([second[..., -1], np.hypot(fitted, uneven)[:, None]], axis=1)
     return np.where((known & (np.sum(Q * Q, axis=1) < MOST_SHARE))[:, None], found, np.nan)

@@ -8,7 +8,7 @@ that row where the row as a whole was shifted.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ def row_shifts(
         of_axis = curved(width, width * (mean - slope[:, None] * place), slope)
         shifts[axis, axis] = of_axis.variance()
         most = np.sqrt(shifts[0, 0] * shifts[axis, axis])
-        shifts[0, axis] = shifts[axis, 0] = np.clip(of_image.shared(of_axis)[0], -most, most)
+        shifts[0, axis] = shifts[axis, 0] = np.clip(of_image.shared(of_axis), -most, most)
     return shifts
 
 
@@ -82,8 +82,9 @@ def _box(centre: Array, half: Array) -> Ints:
 class _Curved:
     """What is left of smooth curves through the k rows of m dots, and how it follows from shifts of the image's rows.
 
-    `row` (m, k) is each one's place in the image, `place` (m, k) that in its dot; `left` are residuals less the mean of
-    each place, as what squares of pixels leave is alike in all dots, and `A` (m, k, k) their derivatives by shifts.
+    `row` (m, k) is each one's place in the image, `place` (m, k) that in its dot, of which `count` tells how many there
+    are; `left` are residuals less the mean of each place, as what squares of pixels leave is alike in all dots, and `A`
+    (m, k, k) their derivatives by shifts.
     """
 
     row: Ints
@@ -91,28 +92,46 @@ class _Curved:
     left: Array
     A: Array
     place: Ints
-    means: Array  # of A, by place and row
-    answers: Array  # sums of A less its means, by row and row
+    count: Array
 
     def variance(self) -> float:
         """Variance of the rows' shifts, 0 where it is not significant."""
-        found, sigma = self.shared(self)
-        return found if found > SURE * sigma else 0.0
+        products, spread = self._products(self)
+        return self.shared(self) if products > SURE * spread else 0.0
 
-    def shared(self, other: _Curved) -> tuple[float, float]:
-        """Covariance of the shifts that made both, and its standard deviation if there were none.
+    def shared(self, other: _Curved) -> float:
+        """Covariance of the shifts that made both: ``E(z_i z_k) = cov tr(A_i A_kᵀ)``, with z what is left."""
+        both = np.bincount(self.place[self.use & other.use], minlength=len(self.count))
+        own = np.sum(self.A * other.A) - both @ np.sum(self._means * other._means, axis=1)
+        scale = float(np.sum(self._answers * other._answers) - own)
+        return self._products(other)[0] / scale if scale > 0 else 0.0
 
-        With z what is left, products of different dots are free of noise: ``E(z_i z_k) = cov tr(A_i A_kᵀ)``.
-        """
-        both = np.bincount(self.place[self.use & other.use], minlength=len(self.means))
+    def _products(self, other: _Curved) -> tuple[float, float]:
+        """Sum of the products of different dots in a row, free of noise, and its spread if no row were shifted."""
         products = self.left * other.left
-        own = np.sum(self.A * other.A) - both @ np.sum(self.means * other.means, axis=1)
-        scale = float(np.sum(self.answers * other.answers) - own)
-        if scale <= 0:
-            return 0.0, np.inf
         mine, its, same, squares = (_by(self.row, x) for x in (self.left, other.left, products, products**2))
         spread = np.sqrt(2 * max(float(np.sum(same**2 - squares)), 0.0))
-        return float(mine @ its - same.sum()) / scale, spread / scale
+        return float(mine @ its - same.sum()), float(spread)
+
+    @property
+    def _height(self) -> int:
+        return int(self.row.max()) + 1
+
+    @cached_property
+    def _means(self) -> Array:
+        """Means of A, by place and row of the image."""
+        height = self._height
+        means = _by(self.place[:, :, None] * height + self.row[:, None, :], self.A, len(self.count) * height)
+        return means.reshape(len(self.count), -1) / self.count[:, None]
+
+    @cached_property
+    def _answers(self) -> Array:
+        """Sums of A less its means, by row and row of the image."""
+        height, use = self._height, self.use
+        answers = _by(self.row[:, :, None] * height + self.row[:, None, :], self.A, height**2)
+        there = (self.row * len(self.count) + self.place)[use]
+        many = _by(there, np.ones(len(there)), height * len(self.count))
+        return np.asarray(answers.reshape(height, -1) - many.reshape(height, -1) @ self._means)
 
 
 def _curved(at: Ints, away: Array, half: Array, width: Array, moment: Array, gain: Array) -> _Curved:
@@ -123,7 +142,7 @@ def _curved(at: Ints, away: Array, half: Array, width: Array, moment: Array, gai
     """
     use = width > LEAST_SHARE * width.max(axis=1, keepdims=True)
     use &= (np.count_nonzero(use, axis=1) >= LEAST_ROWS)[:, None]
-    height, X = int(at.max()) + 1, (away / half[:, None])[..., None] ** np.arange(CURVE)
+    X = (away / half[:, None])[..., None] ** np.arange(CURVE)
     total = np.sum(width, axis=1, where=use, keepdims=True)
     share = np.where(use, width, 0.0) / np.where(total > 0, total, 1.0)
     weighted = np.swapaxes(X * share[..., None], 1, 2)
@@ -134,13 +153,8 @@ def _curved(at: Ints, away: Array, half: Array, width: Array, moment: Array, gai
     place = np.rint(away / BIN_PX).astype(int)
     place -= place.min()
     count = np.maximum(_by(place[use], np.ones(np.count_nonzero(use)), int(place.max()) + 1), 1)
-    means = _by(place[:, :, None] * height + at[:, None, :], A, len(count) * height)
-    means = means.reshape(len(count), -1) / count[:, None]
-    answers = _by(at[:, :, None] * height + at[:, None, :], A, height**2)
-    there = _by((at * len(count) + place)[use], np.ones(np.count_nonzero(use)), height * len(count))
-    answers = answers.reshape(height, -1) - there.reshape(height, -1) @ means
     left = np.where(use, left - (_by(place[use], left[use], len(count)) / count)[place], 0.0)
-    return _Curved(at, use, left, A, place, means, answers)
+    return _Curved(at, use, left, A, place, count)
 
 
 def _by(group: Ints, values: Array, length: int = 0) -> Array:

@@ -136,14 +136,24 @@ def exponents(degree: int) -> list[tuple[int, int]]:
 
 def polynomial(x: Array, y: Array, degree: int) -> Array:
     """Terms of a polynomial at places (...) each, in the order of `exponents`, shape (..., terms)."""
-    return np.stack([x**i * y**j for i, j in exponents(degree)], axis=-1)
+    by_x, by_y = _powers(x, degree), _powers(y, degree)
+    return np.stack([by_x[i] * by_y[j] for i, j in exponents(degree)], axis=-1)
 
 
 def polynomial_slopes(x: Array, y: Array, degree: int) -> Array:
     """Derivatives of these terms by x and by y, shape (2, ..., terms)."""
-    by_x = [i * x ** max(i - 1, 0) * y**j for i, j in exponents(degree)]
-    by_y = [j * x**i * y ** max(j - 1, 0) for i, j in exponents(degree)]
-    return np.stack([np.stack(each, axis=-1) for each in (by_x, by_y)])
+    by_x, by_y = _powers(x, degree), _powers(y, degree)
+    along = [i * by_x[max(i - 1, 0)] * by_y[j] for i, j in exponents(degree)]
+    across = [j * by_x[i] * by_y[max(j - 1, 0)] for i, j in exponents(degree)]
+    return np.stack([np.stack(each, axis=-1) for each in (along, across)])
+
+
+def _powers(x: Array, most: int) -> list[Array]:
+    """1, x, x² ... up to a power, by products: powers of arrays take ten times as long."""
+    found = [np.ones_like(x)]
+    for _ in range(most):
+        found.append(found[-1] * x)
+    return found
 
 
 def normal_equations(A: Array, weight: Array, b: Array | Floats) -> tuple[Array, Array]:
