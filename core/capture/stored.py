@@ -257,7 +257,7 @@ def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Findin
         grey = np.array([images[k].ravel()[at] for k in own], np.float64)
         swing = np.ptp(grey, axis=0)
         grey = grey[:, swing > max(BRIGHT * quantile_of(swing, 0.97), 5 * noise)]
-        wave = (grey - grey.mean(axis=0)).T @ np.exp(1j * shifts)
+        wave = np.array([1, 1j]) @ (np.stack([np.cos(shifts), np.sin(shifts)]) @ (grey - grey.mean(axis=0)))
         if grey.shape[1] < LEAST_LIT or abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
             continue  # less than a period is seen
         pairs = [(i, k, 1 - np.cos(shifts[i] - shifts[k])) for i, k in combinations(range(len(own)), 2)]
@@ -401,7 +401,7 @@ def _texture(image: Array) -> Array:
 
 def _mean(images: Sequence[NDArray]) -> Array:
     thin = max(1, min(images[0].shape) // 500)
-    summed = images[0][::thin, ::thin].astype(np.float32)
+    summed = images[0][::thin, ::thin].astype(np.uint16 if images[0].dtype == np.uint8 else np.float32)
     for image in images[1:]:
-        cv2.accumulate(np.ascontiguousarray(image[::thin, ::thin]), summed)
-    return summed / np.float32(len(images))
+        np.add(summed, image[::thin, ::thin], out=summed)
+    return summed.astype(np.float32) / np.float32(len(images))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from core.measure.defocus import WIDE, drawn_centroids, undrawn
 from core.measure.grain import PLAIN, Grain, clipped_variance
 from core.measure.kernels import in_bands, weighted_moments
-from core.measure.profile import Profiles
+from core.measure.profile import Outlines, Profiles
 from core.measure.rays import Rays
 from core.model import Array
 from core.numerics import inverse_2x2
@@ -36,7 +36,7 @@ BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its
 
 
 def centroids(
-    image: NDArray[np.float32], rays: Rays, profile: Profiles, light: Array, noise: tuple[float, float]
+    image: NDArray[np.float32], rays: Rays, profile: Outlines, light: Array, noise: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Weighted centroids (m, 2) and covariances (m, 2, 2), px, of bright dots with approximate centres.
 

@@ -25,8 +25,8 @@ FIT = np.linalg.pinv(HARMONICS)
 
 
 @dataclass(frozen=True)
-class Profiles:
-    """What the rays of m dots tell; lengths in px."""
+class Outlines:
+    """What the rays of m dots tell of their size and light; lengths in px."""
 
     plateau: Array  # (m,) grey values inside the dot
     plane: Array  # (m, 3) background: value at the centre and its slopes per px in u and v
@@ -34,12 +34,6 @@ class Profiles:
     blur: Array  # (m,) sigma of the edge
     contour: Array  # (m, 5) harmonics of the contour's radius in the unit disc
     window: Array  # (m,) radius in the unit disc that holds the whole blurred dot and no neighbour
-    roughness: Array  # (m,) largest distance of the contours (3 rays averaged) from their ellipses; NaN where open
-    off_centre: Array  # (m,) distance of the contour's centre from the given centre
-    inside: Array  # (m,) largest deviation from the plateau inside, in units of the contrast
-    outside: Array  # (m,) brightest disturbance within the window but off the dot, in units of the contrast
-    tilt: Array  # (m, 2) relative change of the light per px seen inside, 0 where there is no plateau
-    gentle: Array  # (m,) radius in px inside which the plateau is free of the edge's blur, 0 where there is none
 
     @property
     def contrast(self) -> Array:
@@ -52,11 +46,58 @@ class Profiles:
         return np.maximum(self.blur**2 - READ_BETWEEN, 1 / 12)
 
 
-def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
-    """Measure the profiles of bright dots along rays from centres that are good to about a pixel.
+@dataclass(frozen=True)
+class Profiles(Outlines):
+    """And of what disturbs them."""
+
+    roughness: Array  # (m,) largest distance of the contours (3 rays averaged) from their ellipses; NaN where open
+    off_centre: Array  # (m,) distance of the contour's centre from the given centre
+    inside: Array  # (m,) largest deviation from the plateau inside, in units of the contrast
+    outside: Array  # (m,) brightest disturbance within the window but off the dot, in units of the contrast
+    tilt: Array  # (m, 2) relative change of the light per px seen inside, 0 where there is no plateau
+    gentle: Array  # (m,) radius in px inside which the plateau is free of the edge's blur, 0 where there is none
+
+
+def outlines(image: Floats, rays: Rays, spacing: Array) -> Outlines:
+    """Measure size and light of bright dots along rays from centres that are good to about a pixel.
 
     `spacing`, (m,), is the distance of the nearest other target over the dot's radius.
     """
+    return _outlined(image, rays, spacing)[0]
+
+
+def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
+    """Measure the whole profiles, as `outlines` does the most important."""
+    known, radius, value, crossing, closed = _outlined(image, rays, spacing)
+    along, minor, contour = rays.length, rays.minor, known.contour
+    share = _share(value, radius, rays, known.plane, known.plateau)
+    soft = (2.5 * known.blur + 0.7)[:, None, None] / along[:, :, None]
+    edge = (contour @ HARMONICS.T)[:, :, None]
+    is_out = (radius > edge + soft) & (radius < known.window[:, None, None])
+    within = _share(rays.sample(image, DEEP), DEEP[None, None, :], rays, known.plane, known.plateau)
+    gentle = np.maximum(contour[:, 0] * minor - 2.5 * known.blur - 0.7, 0.0)
+    free = (gentle / minor)[:, None] >= DEEP  # (m, 10), each radius of the disc by its area
+    tilt = np.einsum("mrk,mk,rd->md", within, free * DEEP**2, DIRECTIONS) / np.maximum(free @ DEEP**3, 1e-9)[:, None]
+    tilt = np.einsum("mij,mi->mj", inverse_2x2(rays.ellipse), tilt) / (RAYS / 2)
+    rough = np.maximum(_roughness(crossing, along), _roughness(_crossing(share, radius, FOOT)[0], along))
+    return Profiles(
+        plateau=known.plateau,
+        plane=known.plane,
+        slopes=known.slopes,
+        blur=known.blur,
+        contour=contour,
+        window=known.window,
+        roughness=np.where(closed, rough, np.nan),
+        off_centre=np.linalg.norm(np.einsum("mij,mj->mi", rays.ellipse, contour[:, 1:3]), axis=1),
+        inside=np.max(np.where(edge - soft > DEEP, np.abs(within - 1), 0), axis=(1, 2)),
+        outside=np.max(np.where(is_out, share, 0), axis=(1, 2)),
+        tilt=tilt,
+        gentle=gentle,
+    )
+
+
+def _outlined(image: Floats, rays: Rays, spacing: Array) -> tuple[Outlines, Array, Floats, Array, NDArray[np.bool_]]:
+    """Outlines; radii and values along the rays; where they fall to half the contrast, and whether all do."""
     along, minor = rays.length, rays.minor
     plateau = row_median(rays.sample(image, PLATEAU).reshape(len(minor), -1))
     far = np.clip(1.0 + 4.0 / minor, 1.0, spacing / 2)
@@ -74,30 +115,7 @@ def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
 
     window = np.minimum(contour[:, 0] + (3.0 * blur + 1.0) / minor, np.maximum(spacing / 2, 1.0 + 1.0 / minor))
     plane, slopes = _background(image, rays, window, spacing, rounds=3)
-    share = _share(value, radius, rays, plane, plateau)
-    soft = (2.5 * blur + 0.7)[:, None, None] / along[:, :, None]
-    edge = (contour @ HARMONICS.T)[:, :, None]
-    is_out = (radius > edge + soft) & (radius < window[:, None, None])
-    within = _share(rays.sample(image, DEEP), DEEP[None, None, :], rays, plane, plateau)
-    gentle = np.maximum(contour[:, 0] * minor - 2.5 * blur - 0.7, 0.0)
-    free = (gentle / minor)[:, None] >= DEEP  # (m, 10), each radius of the disc by its area
-    tilt = np.einsum("mrk,mk,rd->md", within, free * DEEP**2, DIRECTIONS) / np.maximum(free @ DEEP**3, 1e-9)[:, None]
-    tilt = np.einsum("mij,mi->mj", inverse_2x2(rays.ellipse), tilt) / (RAYS / 2)
-    rough = np.maximum(_roughness(crossing, along), _roughness(_crossing(share, radius, FOOT)[0], along))
-    return Profiles(
-        plateau=plateau,
-        plane=plane,
-        slopes=slopes,
-        blur=blur,
-        contour=contour,
-        window=window,
-        roughness=np.where(closed, rough, np.nan),
-        off_centre=np.linalg.norm(np.einsum("mij,mj->mi", rays.ellipse, contour[:, 1:3]), axis=1),
-        inside=np.max(np.where(edge - soft > DEEP, np.abs(within - 1), 0), axis=(1, 2)),
-        outside=np.max(np.where(is_out, share, 0), axis=(1, 2)),
-        tilt=tilt,
-        gentle=gentle,
-    )
+    return Outlines(plateau, plane, slopes, blur, contour, window), radius, value, crossing, closed
 
 
 def _share(value: Floats, radius: Array, rays: Rays, plane: Array, plateau: Array) -> Floats:

@@ -228,11 +228,12 @@ def _deviations(targets: TargetSet, field: Testfield) -> _Deviations | None:
     x, y = ((xy - middle) / half).T
     degree = next(d for least, d in DEGREES if len(at) >= least)
     A = polynomial(x, y, degree)
-    weight = np.ones(len(at))
+    weight, ridge = np.ones(len(at)), 1e-13 * len(at) * np.eye(A.shape[1])  # few rows do not tell all terms
     for _ in range(4):
-        fit = np.linalg.lstsq(A * weight[:, None], off * weight[:, None], rcond=None)[0]
+        weighted = (A * weight[:, None] ** 2).T
+        fit = np.linalg.solve(weighted @ A + ridge, weighted @ off)
         rest = np.hypot(*(off - A @ fit).T)
-        weight = 1 / np.maximum(rest / (2 * np.median(rest) + 1e-12), 1.0)
+        weight = 1 / np.maximum(rest / (2 * median_of(rest) + 1e-12), 1.0)
     # px to mm by what neighbours on the board lie apart in the image
     scale = float(np.median(half / (np.abs(targets.camera_uv - targets.camera_uv.mean(axis=0)).max() + 1e-9)))
     variance = np.einsum("nii->n", targets.camera_cov) / 2 * (1.5 * scale) ** 2

@@ -21,7 +21,7 @@ from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
 from core.measure.lighting import light_gradient
 from core.measure.missing import EXCLUDED, reasons
 from core.measure.picks import check_picks, snap
-from core.measure.profile import PLATEAU, Profiles, profiles
+from core.measure.profile import PLATEAU, Profiles, outlines, profiles
 from core.measure.propose import find_dots, propose_picks
 from core.measure.rays import Rays
 from core.measure.rows import row_shifts
@@ -73,7 +73,7 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     nominal = lattice.view.jacobian(board.xyz_mm[target]) * board.radius_mm[target, None, None]
     spacing = board.spacing_mm[target] / board.radius_mm[target]
     start = Rays(centre, nominal)
-    first = profiles(image, start, spacing)
+    first = outlines(image, start, spacing)
     # by now the size is known: again with rays that end where the contour is, from the centre it has
     size = np.clip(np.nan_to_num(first.contour[:, 0], nan=1.0), 0.5, 2.0)
     moved, _ = centroids(image, start, first, np.zeros_like(centre), (0.0, 0.0))
