@@ -22,6 +22,7 @@ from core.model import (
     PointCloud,
     Project,
 )
+from core.parallel import beside
 from core.patterns import axis_of
 from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import from_phase_maps
@@ -110,6 +111,7 @@ def _judge(
     from core.checks import end_notes, light_end, repeated_planes
 
     of_whole = {capture.name: capture for capture in planes}
+    shared = beside(lambda: shared_frames(project, planes))
 
     def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, tuple[str, str], Any, list[Row]]:
         alone = len(of_whole[capture.name].pairs) == 1
@@ -143,7 +145,7 @@ def _judge(
     progress.check()
     by_name = {capture.name: capture for capture in planes}
     repeated = repeated_planes([row for row, *_ in found], lambda a, b: _same_stripes(by_name[a], by_name[b]))
-    notes: dict[str, Sequence[str]] = {**shared_frames(project, planes)}
+    notes: dict[str, Sequence[str]] = {**shared()}
     for (_, projector), of_pair in ends.items():
         for name, text in end_notes(of_pair, project.rig.projectors[projector], projector).items():
             notes[name] = (*notes[name], text)

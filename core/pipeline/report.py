@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from datetime import date
@@ -20,6 +20,7 @@ from core.model import (
     PlaneEvaluation,
     Project,
 )
+from core.parallel import beside
 from core.pipeline.calibrate import load_adjustment, load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import all_captures, known_truth, result_path
@@ -180,11 +181,15 @@ def _outdated(states: ProjectStates) -> tuple[str, ...]:
 
 
 def outdated_words(project: Project, method: Method | None = None) -> tuple[str, ...]:
-    """Say in a sentence each which results that evaluating and reporting use do not follow from what is there.
+    """Say in a sentence each which calibrations, or whether that by a method, do not follow from what is there."""
+    if method is not None:
+        return Graph(project).of_calibrations([method])
+    return _states(project).outdated("calibrate")
 
-    With a method, whether its calibration does.
-    """
-    return _outdated(_states(project)) if method is None else Graph(project).of_calibrations([method])
+
+def outdated_beside(project: Project) -> Callable[[], tuple[str, ...]]:
+    """Begin to find that out of all calibrations; give what waits for it."""
+    return beside(lambda: outdated_words(project))
 
 
 def result_tables(project: Project, evaluations: tuple[PlaneEvaluation, ...] = ()) -> str:

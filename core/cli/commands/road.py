@@ -221,7 +221,7 @@ def _merge(options: Options, progress: Progress) -> dict[str, Any]:
     print(f"{options.out}: {points} points")
     figures = pipeline.merge.merge_figures(merged)
     print_verdict("the merged points", figures["verdict"])
-    _tell_outdated(options)
+    _tell(options, pipeline.report.outdated_words(options.project))
     return {**figures, "out": str(options.out)}
 
 
@@ -229,12 +229,13 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import evaluation_figures
 
     project = options.project
+    outdated = pipeline.report.outdated_beside(project)
     evaluations = pipeline.evaluate_project(project, progress)
     figures = evaluation_figures(evaluations)
     print_plane_verdicts(figures["planes"], not project.rig.is_pair)
     print()
     print(pipeline.report.table_of_planes(project, evaluations))
-    _tell_outdated(options)
+    _tell(options, outdated())
     return figures
 
 
@@ -272,10 +273,6 @@ def _print_doubts(capture: str, figures: dict[str, Any], several: bool) -> None:
     of_points = figures.get("reconstruct", {}).get("verdict")
     if not planes and of_points and of_points["state"] != "passed":
         print_verdict(capture, of_points)
-
-
-def _tell_outdated(options: Options) -> None:
-    _tell(options, pipeline.report.outdated_words(options.project))
 
 
 def _tell(options: Options, words: Sequence[str]) -> None:
