@@ -41,7 +41,7 @@ from core.starting import is_command, listen
 if is_command():
     listen()
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from core.lazy import attach
 
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from core.project import read_network as read_network
     from core.project import read_project as read_project
 
-    __version__: str
+__version__ = "0.1.0"  # whoever builds a package reads it here
 
 _HOMES = {
     "core.api": "Points calibrate_points decode_frames merge_phases project_points reconstruct_phase triangulate"
@@ -89,15 +89,8 @@ _HOMES = {
     "core.errors": "AdjustmentError InputError StripeError",
 }
 if not TYPE_CHECKING:  # else every name would be right
-    _find, _listed, _names = attach(__name__, _HOMES)
+    __getattr__, _listed, _names = attach(__name__, _HOMES)
     __all__ = ["__version__", *_names]
-
-    def __getattr__(name: str) -> Any:
-        if name != "__version__":
-            return _find(name)
-        from importlib.metadata import version
-
-        return globals().setdefault(name, version("stripe-workbench"))
 
     def __dir__() -> list[str]:
         return [*_listed(), "__version__"]

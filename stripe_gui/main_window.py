@@ -8,6 +8,7 @@ from PySide6.QtCore import QEvent, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QMainWindow, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
+from core import __version__
 from core.resources import resource
 from stripe_gui.actions import Action, ActionSet
 from stripe_gui.commands import menu_titles, program_actions
@@ -270,15 +271,11 @@ class MainWindow(QMainWindow):
         self.actions_.update()
 
     def _about(self) -> None:
-        from importlib.metadata import version
-
         text = self.tr(
             "Stripe workbench {version}\nDecode, calibrate, reconstruct and evaluate stripe projectors.\n\n{licence}"
         )
         licence = self.tr("BSD-3-Clause licence.")
-        self.bench.dialogs.tell(
-            self, self.tr("About"), text.format(version=version("stripe-workbench"), licence=licence)
-        )
+        self.bench.dialogs.tell(self, self.tr("About"), text.format(version=__version__, licence=licence))
 
     # ----------------------------------------------------------------------------------------------- dropping, closing
 

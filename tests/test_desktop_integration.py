@@ -10,6 +10,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+import core
+
 ROOT = Path(__file__).parents[1]
 DESKTOP = ROOT / "packaging" / "desktop"
 LANGUAGE = "{http://www.w3.org/XML/1998/namespace}lang"
@@ -63,7 +65,7 @@ def test_the_programs_are_those_of_the_project(
 def test_the_latest_release_is_the_version_of_the_project(project: dict, component: ElementTree.Element) -> None:
     latest = component.find("releases/release")
     assert latest is not None
-    assert latest.get("version") == project["version"]
+    assert latest.get("version") == core.__version__
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", latest.get("date", ""))
     assert component.findtext("project_license") == project["license"]
 

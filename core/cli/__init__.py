@@ -17,7 +17,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from core.cli.arguments import Commands, Options, Parser, UnfinishedError, Version, write_figures
+import core
+from core.cli.arguments import Commands, Options, Parser, UnfinishedError, write_figures
 from core.cli.commands import exchange, experiment, recording, results, road, state, watching
 from core.cli.console import Console, Unread
 from core.errors import Cancelled, InputError, StripeError
@@ -115,7 +116,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def parser(only: str | None = None) -> Parser:
     """Make the parser of all commands, or of one alone if there is one of that name."""
     whole = Parser(prog="stripe-core", description="Decode, calibrate, reconstruct and evaluate stripe projectors.")
-    whole.add_argument("--version", action=Version, nargs=0, help="say the version and end")
+    whole.add_argument(
+        "--version", action="version", version=f"%(prog)s {core.__version__}", help="say the version and end"
+    )
     commands = Commands(whole, only)
     for group in GROUPS:
         group.add(commands)

@@ -48,17 +48,6 @@ class Unasked(Parser):
         """Leave them out."""
 
 
-class Version(argparse.Action):
-    """Say the version, which takes longer to find than all other commands' arguments, only where it is asked for."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        """Print it."""
-        import core
-
-        print(f"{parser.prog} {core.__version__}")
-        parser.exit()
-
-
 class Commands:
     """The commands of the program, to which every group adds its own; or one of them alone."""
 

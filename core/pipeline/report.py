@@ -9,6 +9,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import core
 from core.atomic import check_place
 from core.errors import InputError, StripeError
 from core.model import (
@@ -47,14 +48,12 @@ def report_data(
     project: Project, evaluations: tuple[PlaneEvaluation, ...], captures: Sequence[Capture] | None = None
 ) -> ReportData:
     """Gather what a report tells of, from the project's results; `captures` are all there are, if they are read."""
-    from importlib.metadata import version  # most commands import this module for its words only
-
     data = _result_data(project, evaluations)
     found = data.photogrammetric
     return replace(
         data,
         made_on=f"{date.today():%Y-%m-%d}",
-        made_by=f"stripe-core {version('stripe-workbench')}",
+        made_by=f"stripe-core {core.__version__}",
         sign_off=load_sign_off(project, evaluations),
         drift=_drift(project, found),
         responses=_responses(project, captures),
