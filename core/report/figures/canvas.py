@@ -14,6 +14,7 @@ from functools import cache
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -194,8 +195,12 @@ def plain_axes(axes: Axes) -> None:
 
 
 def colour_bar(figure: Figure, image: ScalarMappable, axes: Any, label: str, **options: Any) -> None:
-    """Set the colour scale of an image beside the axes that show it."""
-    bar = figure.colorbar(image, ax=axes, **options)
+    """Set the colour scale of an image beside the axes that show it, from the first to the last."""
+    shown = np.ravel(axes)
+    # the layout measures the scale anew for each of its axes: two corners span the same
+    bar = figure.colorbar(image, ax=[*dict.fromkeys((shown[0], shown[-1]))], **options)
+    for one in shown:
+        one.set_anchor(shown[0].get_anchor())  # which the scale has moved
     bar.set_label(label)
     bar.outline.set_edgecolor(MUTED)
     if bar.solids is not None:

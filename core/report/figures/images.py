@@ -7,8 +7,9 @@ from math import ceil, floor, log10
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from core.model import Adjustment, Array, DeviceSpec
 from core.report.adjusted import Coverage, covered
@@ -178,12 +179,14 @@ def _cells(axes: Axes, found: Coverage) -> None:
     """Cells the more opaque the more points they hold, as opacity means the same on light and dark; counts within."""
     top = max(1.0, float(found.counts.max()))
     width, height = found.size[0] / found.counts.shape[1], found.size[1] / found.counts.shape[0]
+    cells, opacities = [], []
     for (i, j), count in np.ndenumerate(found.counts):
         u, v = j * width - 0.5, i * height - 0.5
         if count:
-            opacity = 0.08 + 0.5 * count / top
-            cell = Rectangle((u, v), width, height, facecolor=CAMERA, alpha=opacity, linewidth=0)
-            axes.add_artist(cell)  # which looks for no limits: the image has them
+            cells.append([(u, v), (u + width, v), (u + width, v + height), (u, v + height)])
+            opacities.append(0.08 + 0.5 * count / top)
         colour = INK if count else MUTED
         at = u + width / 2, v + height / 2
         axes.text(*at, f"{count}", ha="center", va="center", fontsize=6.5, color=colour, in_layout=False)
+    faces = to_rgba_array([CAMERA] * len(cells), opacities)
+    axes.add_artist(PolyCollection(cells, facecolors=faces, linewidths=0))  # looks for no limits: the image has them
