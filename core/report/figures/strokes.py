@@ -22,6 +22,7 @@ from reportlab.lib.utils import ImageReader
 from reportlab.pdfgen.canvas import Canvas
 
 Mark = Callable[[Canvas], None]
+Look = tuple[str, tuple[float, float]]
 FONT, BOLD = "ReportSans", "ReportSans-Bold"
 CAPS, JOINS = {"butt": 0, "round": 1, "projecting": 2}, {"miter": 0, "round": 1, "bevel": 2}
 DPI = 200  # of images
@@ -96,57 +97,51 @@ def _painted(gc: Any, fill: Any) -> str:
     return " B" if stroked and filled else " S" if stroked else " f" if filled else " n"
 
 
-def _look(gc: Any, fill: Any) -> tuple[Any, ...]:
-    """Take over how a mark is drawn: matplotlib changes the object itself."""
+def _look(gc: Any, fill: Any) -> Look:
+    """Take over how a mark is drawn, as operators of a PDF page and two opacities: matplotlib changes the object."""
     path, transform = gc.get_clip_path()
     clip = gc.get_clip_rectangle()
-    within = []
+    how = []
     if clip is not None:
-        within.append("{:.3f} {:.3f} {:.3f} {:.3f} re".format(*clip.bounds))
+        how.append("{:.3f} {:.3f} {:.3f} {:.3f} re W n".format(*clip.bounds))
     if path is not None:
-        within.append(_code(path, transform))
+        how.append(f"{_code(path, transform)} W n")
+    how.append("{:.4f} {:.4f} {:.4f} RG".format(*gc.get_rgb()[:3]))
+    if fill is not None:
+        how.append("{:.4f} {:.4f} {:.4f} rg".format(*fill[:3]))
+    how.append(f"{gc.get_linewidth():.3f} w {CAPS[gc.get_capstyle()]} J {JOINS[gc.get_joinstyle()]} j")
+    offset, dashes = gc.get_dashes()
+    if dashes is not None:
+        how.append(f"[{' '.join(f'{dash:.3f}' for dash in dashes)}] {offset:.3f} d")
     alphas = gc.get_rgb()[3], fill[3] if fill is not None and len(fill) > 3 else 1.0
-    if gc.get_forced_alpha():
-        alphas = (gc.get_alpha(),) * 2
-    how = gc.get_linewidth(), CAPS[gc.get_capstyle()], JOINS[gc.get_joinstyle()], gc.get_dashes()
-    return tuple(f"{one} W n" for one in within), gc.get_rgb()[:3], fill, alphas, how
+    return " ".join(how), (gc.get_alpha(),) * 2 if gc.get_forced_alpha() else alphas
 
 
 @contextmanager
-def _drawn(canvas: Canvas, look: tuple[Any, ...]) -> Iterator[None]:
+def _drawn(canvas: Canvas, look: Look) -> Iterator[None]:
     """Draw on a page as a mark looks."""
-    within, stroke, fill, (stroke_alpha, fill_alpha), (width, cap, join, (offset, dashes)) = look
+    how, (stroke, fill) = look
     canvas.saveState()
-    for one in within:
-        canvas.addLiteral(one)
-    canvas.setStrokeColorRGB(*stroke)
-    if fill is not None:
-        canvas.setFillColorRGB(*fill[:3])
-    canvas.setStrokeAlpha(stroke_alpha)
-    canvas.setFillAlpha(fill_alpha)
-    canvas.setLineWidth(width)
-    canvas.setLineCap(cap)
-    canvas.setLineJoin(join)
-    if dashes is not None:
-        canvas.setDash(list(map(float, dashes)), float(offset))
+    canvas.addLiteral(how)
+    if (stroke, fill) != (1.0, 1.0):
+        canvas.setStrokeAlpha(stroke)
+        canvas.setFillAlpha(fill)
     yield
     canvas.restoreState()
 
 
-def _stroke(look: tuple[Any, ...], code: str, canvas: Canvas) -> None:
+def _stroke(look: Look, code: str, canvas: Canvas) -> None:
     with _drawn(canvas, look):
         canvas.addLiteral(code)
 
 
-def _image(look: tuple[Any, ...], matrix: tuple[float, ...], pixels: Any, canvas: Canvas) -> None:
+def _image(look: Look, matrix: tuple[float, ...], pixels: Any, canvas: Canvas) -> None:
     with _drawn(canvas, look):
         canvas.transform(*matrix)
         canvas.drawImage(ImageReader(fromarray(pixels)), 0, 0, 1, 1, mask="auto")
 
 
-def _text(
-    look: tuple[Any, ...], at: tuple[float, float], angle: float, text: str, font: str, size: float, canvas: Canvas
-) -> None:
+def _text(look: Look, at: tuple[float, float], angle: float, text: str, font: str, size: float, canvas: Canvas) -> None:
     with _drawn(canvas, look):
         canvas.translate(*at)
         canvas.rotate(angle)
