@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.geometry import Pose, lens_of, project, project_with_derivatives, ray_directions
+from core.geometry import Pose, distort, image_to_pixel, lens_of, project, project_with_derivatives, ray_directions
 from core.lazy import dataclass
 from core.model import Array, DeviceSpec, Interior
 from core.numerics import inverse_2x2, nearest
@@ -68,14 +68,10 @@ def make_table(devices: Devices, covariance: Array, axes: str) -> SigmaTable:
     step = int(uv[0, 1, 0])
     if not np.diag(covariance).any():
         return SigmaTable(np.zeros((*uv.shape[:2], 3 * (DEGREE + 1) + 2)), step, 1.0)
-    tried = _tried(devices)
-    lit = _lit(devices.projector[0], _pinhole(devices, ray_directions(*devices.camera, uv), tried), MARGIN)
-    least, greatest = (
-        np.where(lit.any(axis=-1), tried[e], np.nan) for e in (lit.argmax(-1), -1 - lit[..., ::-1].argmax(-1))
-    )
+    least, greatest = _lit_depths(devices, ray_directions(*devices.camera, uv))
     q = least[..., None] + (greatest - least)[..., None] * np.linspace(0, 1, SAMPLES)
     weights = np.array([float("u" in axes), float("v" in axes)])
-    per_q = 2 / (np.nanmin(least) + np.nanmax(greatest)) if lit.any() else 1.0
+    per_q = 2 / (np.nanmin(least) + np.nanmax(greatest)) if np.isfinite(least).any() else 1.0
     x = q * per_q - 1
     coefficients = _fitted(x, _variance(devices, uv, q, covariance, weights))
     nodes = np.concatenate([coefficients.reshape(*uv.shape[:2], -1), x[..., :1], x[..., -1:]], axis=-1)
@@ -114,6 +110,32 @@ def _lit(spec: DeviceSpec, uv: Array, margin: float) -> NDArray[np.bool_]:
     size = np.array([spec.width - 1, spec.height - 1])
     with np.errstate(invalid="ignore"):
         return np.asarray(np.all((uv >= -margin * size) & (uv <= (1 + margin) * size), axis=-1))
+
+
+def _lit_depths(devices: Devices, rays: Array) -> tuple[Array, Array]:
+    """The least and the greatest of the inverse depths tried at which a ray is lit; NaN where it is at none.
+
+    As `_lit` says of `_pinhole`: that a point lies within an edge of the raster, times its depth, is linear in q.
+    """
+    spec, interior = devices.projector
+    pose, plain = devices.projector_from_camera, lens_of(interior).plain(interior)
+    corner = image_to_pixel(spec, distort(plain, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    by_xy = plain.c_mm * (corner[1:] - corner[0])
+    parts = []
+    for X, Y, Z in (np.moveaxis(rays @ pose.rotation.T, -1, 0), pose.translation_mm):
+        seen = X[..., None] * by_xy[0] + Y[..., None] * by_xy[1]
+        size = np.array([spec.width - 1, spec.height - 1])
+        low, high = (-Z[..., None] * (edge - corner[0]) for edge in (-MARGIN * size, (1 + MARGIN) * size))
+        parts.append(np.concatenate([seen - low, high - seen, -Z[..., None]], axis=-1))
+    fixed, by_q = parts
+    tried = _tried(devices)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = -fixed / by_q
+    first = np.searchsorted(tried, np.where(by_q > 0, ends, -np.inf).max(axis=-1))
+    last = np.searchsorted(tried, np.where(by_q < 0, ends, np.inf).min(axis=-1), side="right") - 1
+    lit = (first <= last) & ~((by_q == 0) & (fixed < 0)).any(axis=-1)
+    held = np.where(lit, [first, last], 0)
+    return np.where(lit, tried[held[0]], np.nan), np.where(lit, tried[held[1]], np.nan)
 
 
 def _fitted(x: Array, variance: Array) -> Array:

@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from core.errors import InputError
-from core.geometry import Pose, matrix_from_rotation_vector
+from core.geometry import Pose, matrix_from_rotation_vector, ray_directions
 from core.model import Interior, PhaseMap, PhotogrammetricCalibration
-from core.reconstruct import reconstruct
+from core.reconstruct import reconstruct, sigma_table
 from tests.calibrated import calibration_of_pair
 
 # u, v are stored as float32: at 640 lines that is 3e-5 lines, and 1.4 lines are 1 mm here; Z itself is float32 too
@@ -38,6 +38,22 @@ def test_row_patterns_alone_serve_a_projector_that_stands_above(make_rig, withou
     points = rig.plane()
     phase = without(rig.phase(points), "u")
     _compare(reconstruct(phase, rig.calibration).xyz_mm, points, phase)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.15, 0.4, 2.5])
+def test_the_depths_at_which_rays_are_lit_are_those_of_the_projected_points(rig, turn) -> None:
+    calibration = rig.calibration
+    pose = calibration.projector_from_camera
+    turned = Pose(matrix_from_rotation_vector(np.array([0.3 * turn, turn, 0.0])) @ pose.rotation, pose.translation_mm)
+    camera, projector = ((d.spec, d.interior) for d in (calibration.camera, calibration.projector))
+    devices = sigma_table.Devices(camera, projector, turned)
+    rays, tried = ray_directions(*camera, sigma_table._camera_nodes(devices)), sigma_table._tried(devices)
+    lit = sigma_table._lit(projector[0], sigma_table._pinhole(devices, rays, tried), sigma_table.MARGIN)
+    depths = np.where(lit, tried, np.nan)
+    assert lit.any() == (turn < 1)
+    with np.errstate(all="ignore"):
+        ends = np.fmin.reduce(depths, axis=-1), np.fmax.reduce(depths, axis=-1)
+    np.testing.assert_array_equal(sigma_table._lit_depths(devices, rays), ends)
 
 
 def test_points_of_a_sphere_come_back(rig) -> None:
