@@ -52,7 +52,7 @@ def histograms(data: ReportData) -> list[Drawing]:
 
 
 def _in_parts(data: ReportData, draw: Callable[[Captures, Evaluations, float], Drawing]) -> list[Drawing]:
-    mapped = tuple(e for e in data.evaluations if len(finite_deviations(e)))
+    mapped = tuple(e for e in data.evaluations if np.isfinite(e.deviation_mm).any())
     if not mapped:
         return []
     limit_mm = data.colour_limit_mm or colour_limit_mm(mapped)
