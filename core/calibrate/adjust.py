@@ -91,15 +91,18 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
     return result_of(solved, warnings)
 
 
-def solve_network(network: Network, options: AdjustOptions, progress: Progress = SILENT) -> tuple[Solved, Warnings]:
+def solve_network(
+    network: Network, options: AdjustOptions, progress: Progress = SILENT, near: Solved | None = None
+) -> tuple[Solved, Warnings]:
     """Adjust a network, reject gross errors where the options say so, and collect what weakens it.
 
-    Where that fails and would not with mirrored images, the error says so. Of a network of others, whose approximate
-    coordinates may be none, the images alone are tried then.
+    `near` is the solution of nearly the same network, which gives initial values. Where that fails and would not with
+    mirrored images, the error says so. Of a network of others, whose approximate coordinates may be none, the images
+    alone are tried then.
     """
     check_network(network)
     try:
-        return _solved(network, options, progress)
+        return _solved(network, options, progress, near=near)
     except SettledError:
         raise
     except AdjustmentError:
@@ -146,7 +149,7 @@ def _mirrored(network: Network, devices: Collection[str]) -> Network:
 
 
 def _solved(
-    network: Network, options: AdjustOptions, progress: Progress, spare_ends: bool = False
+    network: Network, options: AdjustOptions, progress: Progress, spare_ends: bool = False, near: Solved | None = None
 ) -> tuple[Solved, Warnings]:
     """Solve and reject; with `spare_ends` no images of the ends of measured distances, which these may contradict."""
     whole = network
@@ -156,9 +159,12 @@ def _solved(
     problem = problem_of(network)
     refuse_unredundant(problem)
     progress(0.0, "initial values")
-    state = initial_state(network, problem)
-    network, problem, state, more = misplaced(network, problem, state)
-    warnings += more
+    if near is not None and _same_unknowns(near.network, network):
+        state = near.state
+    else:
+        state = initial_state(network, problem)
+        network, problem, state, more = misplaced(network, problem, state)
+        warnings += more
     rejected = 0
     solved, lost, more = _solve_somehow(_Start(network, problem, state), options, progress.part(0.1, 0.9))
     while True:
@@ -198,6 +204,12 @@ def _solved(
     warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))
     progress(1.0, "adjusted")
     return solved, warnings
+
+
+def _same_unknowns(one: Network, other: Network) -> bool:
+    """Whether networks have the same stations, poses and approximate points."""
+    names = [(n.station_names, n.station_pose, n.point_names) for n in (one, other)]
+    return names[0] == names[1] and np.array_equal(one.point_xyz_mm, other.point_xyz_mm)
 
 
 def _solve_somehow(start: _Start, options: AdjustOptions, progress: Progress) -> tuple[Solved, int, Warnings]:

@@ -90,19 +90,22 @@ def calibrate_photogrammetric(
             "project.json", seen, "give both of the projector: beside a single camera it is calibrated too"
         )
 
-    def solved_by(targets: Sequence[TargetSet], progress: Progress) -> tuple[Solved, Warnings, dict[str, int]]:
+    def solved_by(
+        targets: Sequence[TargetSet], progress: Progress, near: Solved | None = None
+    ) -> tuple[Solved, Warnings, dict[str, int]]:
         network = network_from_targets(rig, testfield, targets, scale=scale, lengths=lengths, rigid=True, use=use)
         network = _holding(network, hold)
         groups = dict(zip(network.station_names, network.station_pose, strict=True))
         if not rigid:
             network = replace(network, station_pose=tuple(range(len(network.station_names))))
-        return *_solved_or_parted(network, groups, options, progress), groups
+        return *_solved_or_parted(network, groups, options, progress, near), groups
 
+    first: Solved | None = None
     if recentred is not None:
         first, warnings, _ = solved_by(targets, progress.part(0.0, 0.5))
         targets = recentred(result_of(first, warnings))
         progress = progress.part(0.5, 1.0)
-    solved, warnings, groups = solved_by(targets, progress.part(0.0, 0.8))
+    solved, warnings, groups = solved_by(targets, progress.part(0.0, 0.8), first)
     kept = [groups[name] for name in solved.network.station_names]
     bases = replace(solved.network, station_pose=tuple(kept)).bases
     _check_tied(bases)
@@ -138,7 +141,7 @@ def calibrate_photogrammetric(
 
 
 def _solved_or_parted(
-    network: Network, groups: Mapping[str, int], options: AdjustOptions, progress: Progress
+    network: Network, groups: Mapping[str, int], options: AdjustOptions, progress: Progress, near: Solved | None
 ) -> tuple[Solved, Warnings]:
     """Adjust; where that fails or fits badly, say whether something changed between the captures."""
 
@@ -147,7 +150,7 @@ def _solved_or_parted(
         return parted(rigid, lambda part: explained(part, options))
 
     try:
-        solved, warnings = solve_network(network, options, progress)
+        solved, warnings = solve_network(network, options, progress, near)
     except MirroredError:  # of all captures alike
         raise
     except AdjustmentError as error:
