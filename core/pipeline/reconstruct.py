@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ from core.model import (
     DepthCalibration,
     Floats,
     Method,
+    Note,
     Pair,
     PhaseMap,
     PhotogrammetricCalibration,
@@ -33,6 +36,8 @@ from core.pipeline.views import joint_clouds
 from core.progress import SILENT, Progress
 from core.project import atomic_write
 
+Asked = tuple[tuple[str, ...], tuple[Note, ...] | None]
+
 
 def reconstruct_capture(
     project: Project,
@@ -44,19 +49,19 @@ def reconstruct_capture(
     orient: bool = False,
     camera: str = "",
     projector: str = "",
+    asked: Callable[[], Asked] | None = None,
 ) -> tuple[PhaseMap, PointCloud]:
     """Reconstruct one capture (by its name or its folder) with one calibration, the photogrammetric one by default.
 
     With `orient` the projector stands where `orient_capture(..., correct=True)` found it. `camera` and `projector`
     choose whose frames, where the capture holds those of several; points are in that camera's frame. Where cameras
     alone are calibrated, the others of the capture have a part in them. The points' verdict says what the capture and
-    the calibration leave in doubt.
+    the calibration leave in doubt. `asked` is what `asked_beside` has begun.
     """
     chosen, calibration = chosen_calibration(project, method)
     record = METHODS[chosen]
     capture = one_series(find_capture(project, name), camera, projector)
     check_pair(project, record, calibration, capture.camera, capture.projector)
-    shared = beside(lambda: shared_frames(project, [capture])[capture.name])
     used = calibration
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
@@ -75,19 +80,30 @@ def reconstruct_capture(
         seen = [phase]
         with points_of(capture, seen):
             cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
-    said = (*shared(), *said_of(capture, seen, _witness(project, chosen, used)))
+    shared = asked()[1] if asked else None
+    if shared is None:
+        shared = shared_frames(project, [capture])[capture.name]
+    said = (*shared, *said_of(capture, seen, _witness(project, chosen, used)))
     return phase, judge_points(cloud, {capture.name: said}, chosen, calibration)
 
 
-def outdated_beside(project: Project, method: Method | None) -> Callable[[], tuple[str, ...]]:
-    """Begin to find out whether the calibration that is used follows from what is there; give what waits for it."""
+def asked_beside(project: Project, name: str, method: Method | None) -> Callable[[], Asked]:
+    """Begin to find out whether the calibration follows from what is there, and what the capture's frames share.
 
-    def words() -> tuple[str, ...]:
+    What is given waits for it: what speaks against the calibration, and notes on frames that other captures have, too;
+    None where several devices took the capture.
+    """
+
+    def asked() -> Asked:
         from core.pipeline.report import outdated_words  # of the copy alone
 
-        return outdated_words(project, method or methods_in_use(project)[0])
+        shared = None
+        with suppress(InputError):  # which the reconstruction tells
+            capture = find_capture(project, name)
+            shared = shared_frames(project, [capture])[capture.name] if len(capture.series) == 1 else None
+        return outdated_words(project, method or methods_in_use(project)[0]), shared
 
-    return beside(words)
+    return cache(beside(asked))
 
 
 def _witness(project: Project, method: Method, used: Calibration | Pair) -> Calibration | Pair:

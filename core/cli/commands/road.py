@@ -168,7 +168,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import verdict_figures
 
     project = options.project
-    outdated = pipeline.reconstruct.outdated_beside(project, options.method)
+    asked = pipeline.reconstruct.asked_beside(project, options.capture, options.method)
     pipeline.reconstruct.check_cloud(options.out)
     one_pair = options.projector or (options.method and not pipeline.METHODS[options.method].joint)
     several = not one_pair and pipeline.views.seen_by_several(project, options.capture)
@@ -196,6 +196,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             orient=options.orient,
             camera=options.camera,
             projector=options.projector,
+            asked=asked,
         )
         image = phase.image
     points = pipeline.reconstruct.write_cloud(options.out, image, cloud)
@@ -208,7 +209,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
         )
         figures["covered"] = covered
-    _tell(options, outdated())
+    _tell(options, asked()[0])
     return figures
 
 
