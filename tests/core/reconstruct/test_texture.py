@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,17 @@ from core.errors import InputError
 from core.model import PhaseMap, PointCloud
 from core.pipeline.views import _mean_image
 from core.reconstruct import Sight, fill_by_texture, intersect_all
-from tests.core.reconstruct.test_joint import LEFT, RIGHT, Place, ball, calibration, captures, depth_errors, plane
+from tests.core.reconstruct.test_joint import (
+    CAMERA,
+    LEFT,
+    RIGHT,
+    Surface,
+    ball,
+    calibration,
+    captures,
+    depth_errors,
+    plane,
+)
 
 FINE = 3  # samples a pixel each way
 GREY_SIGMA = 0.6
@@ -41,36 +52,40 @@ class Paint:
         return np.asarray(40 + self.contrast * np.sqrt(2 / len(self.waves)) * total)
 
 
-def drawn(camera: Place, surfaces: list, paint: Paint, gain: float, rng: np.random.Generator) -> np.ndarray:
+@lru_cache(maxsize=4)
+def sampled(camera: str, surfaces: tuple[Surface, ...], fine: int) -> np.ndarray:
+    """Where the rays of a camera, `fine` x `fine` to a pixel, meet the first of the surfaces."""
+    place = {"left": LEFT, "right": RIGHT}[camera]
+    pitch_mm = (place.spec.pitch_mm[0] / fine,) * 2
+    spec = replace(place.spec, width=place.spec.width * fine, height=place.spec.height * fine, pitch_mm=pitch_mm)
+    d = replace(place, spec=spec).rays()
+    return place.centre + d * np.min([s(place.centre, d) for s in surfaces], axis=0)[..., None]
+
+
+def drawn(
+    camera: str, surfaces: tuple[Surface, ...], paint: Paint, gain: float, rng: np.random.Generator
+) -> np.ndarray:
     """An image: means of samples over each pixel, optics' blur, gain, noise."""
-    fine = replace(
-        camera,
-        spec=replace(
-            camera.spec,
-            width=camera.spec.width * FINE,
-            height=camera.spec.height * FINE,
-            pitch_mm=(camera.spec.pitch_mm[0] / FINE,) * 2,
-        ),
-    )
-    d = fine.rays()
-    X = camera.centre + d * np.min([s(camera.centre, d) for s in surfaces], axis=0)[..., None]
-    grey = cv2.GaussianBlur(paint(X), (0, 0), 0.45 * FINE)
-    grey = grey.reshape(camera.spec.height, FINE, camera.spec.width, FINE).mean(axis=(1, 3))
+    grey = cv2.GaussianBlur(paint(sampled(camera, surfaces, FINE)), (0, 0), 0.45 * FINE)
+    grey = grey.reshape(CAMERA.height, FINE, CAMERA.width, FINE).mean(axis=(1, 3))
     return (gain * grey + rng.normal(0, GREY_SIGMA, grey.shape)).astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def clouds_of(surfaces: tuple[Surface, ...], hole: Callable[[np.ndarray], np.ndarray]) -> dict[str, PointCloud]:
+    """Clouds of both cameras; they know nothing of paint, and serve all images of the same surfaces and hole."""
+    phases: list[PhaseMap] = []
+    for phase in captures(list(surfaces)):
+        dark = hole(sampled(phase.camera, surfaces, 1))
+        phases.append(replace(phase, u=np.where(dark, np.nan, phase.u), v=np.where(dark, np.nan, phase.v)))
+    return {name: intersect_all(phases, calibration(), name) for name in ("left", "right")}
 
 
 def seen(surfaces: list, hole, paint: Paint, seed: int) -> tuple[dict[str, PointCloud], dict[str, np.ndarray]]:
     """Clouds of both cameras without code where `hole` says so of points in space, and their images."""
-    rng = np.random.default_rng(seed)
-    phases: list[PhaseMap] = []
-    images = {}
-    for phase, camera, gain in zip(captures(surfaces), (LEFT, RIGHT), (1.0, 0.8), strict=True):
-        d = camera.rays()
-        X = camera.centre + d * np.min([s(camera.centre, d) for s in surfaces], axis=0)[..., None]
-        dark = hole(X)
-        phases.append(replace(phase, u=np.where(dark, np.nan, phase.u), v=np.where(dark, np.nan, phase.v)))
-        images[phase.camera] = drawn(camera, surfaces, paint, gain, rng)
-    return {name: intersect_all(phases, calibration(), name) for name in ("left", "right")}, images
+    rng, here = np.random.default_rng(seed), tuple(surfaces)
+    images = {name: drawn(name, here, paint, gain, rng) for name, gain in (("left", 1.0), ("right", 0.8))}
+    return clouds_of(here, hole), images
 
 
 def filled(clouds: dict[str, PointCloud], images: dict[str, np.ndarray]) -> PointCloud:
