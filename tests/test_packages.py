@@ -52,14 +52,14 @@ def test_nothing_that_only_posix_has_stands_without_its_counterpart(room: str) -
     """Windows and macOS have not been tried: this is what can be seen without them."""
     for path in (ROOT / room).rglob("*.py"):
         text = path.read_text(encoding="utf-8")
-        tree = ast.parse(text)
+        nodes = list(ast.walk(ast.parse(text)))
         caught = {
             id(inner)
-            for node in ast.walk(tree)
+            for node in nodes
             if isinstance(node, ast.Try) and any("ImportError" in ast.unparse(h) for h in node.handlers)
             for inner in node.body
         }
-        for node in ast.walk(tree):
+        for node in nodes:
             if isinstance(node, ast.Import | ast.ImportFrom):
                 modules = {a.name for a in node.names} if isinstance(node, ast.Import) else {str(node.module)}
                 guarded = id(node) in caught or 'hasattr(os, "openpty")' in text

@@ -183,9 +183,14 @@ def test_blocks_of_corners_lie_on_the_board_in_its_order():
     assert np.mean(right) > 0.95
 
 
+@cache
+def tilted() -> np.ndarray:
+    return photograph("chessboard", np.random.default_rng(11), 25)[0]
+
+
 @pytest.mark.parametrize(("rows", "cols"), [(ROWS - 2, COLS - 2), (ROWS, COLS - 4), (4, 5), (ROWS, COLS + 2)])
 def test_a_board_of_other_rows_and_columns_is_not_recognised(rows, cols):
-    image, _ = photograph("chessboard", np.random.default_rng(11), 25)
+    image = tilted()
     row, col = (x.ravel() for x in np.mgrid[0:rows, 0:cols])
     places = np.column_stack([SQUARE * col, -SQUARE * row, 0.0 * row])
     field = Testfield(row, col, places, np.full(len(row), SQUARE), kind="chessboard")
@@ -199,7 +204,7 @@ def test_a_board_of_other_rows_and_columns_is_not_recognised(rows, cols):
 )
 def test_a_board_said_to_be_of_another_kind_is_named_by_what_it_looks_like(said, polarity):
     """Squares look like dots of either polarity: each file was said to be of the other."""
-    image, _ = photograph("chessboard", np.random.default_rng(11), 25)
+    image = tilted()
     field = replace(field_of("chessboard"), kind=said, polarity=polarity, diameter_mm=np.full(ROWS * COLS, SQUARE / 2))
     with pytest.raises(NotRecognisedError, match=f"looks like one of kind chessboard, its testfield file says {said}"):
         recognise(phase_of(image), field, SPEC)

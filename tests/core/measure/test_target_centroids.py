@@ -115,7 +115,8 @@ def test_dots_that_saturate_are_measured_with_what_clipping_leaves() -> None:
     turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
     truth = np.column_stack([20.3 * col, 20.3 * row]) @ turn.T + (60.37, 25.81)
     v, u = (np.mgrid[0 : 230 * 4, 0 : 260 * 4] + 0.5) / 4 - 0.5
-    away = np.min([np.hypot(u - a, v - b) for a, b in truth], axis=0)
+    place = np.stack([u - 60.37, v - 25.81], axis=-1) @ turn / 20.3  # columns and rows of the board
+    away = 20.3 * np.linalg.norm(place - np.clip(np.rint(place), 0, (8, 6)), axis=-1)  # from the nearest dot
     light = np.clip((4.0 - away) * 4 + 0.5, 0, 1).reshape(230, 4, 260, 4).mean(axis=(1, 3))
     light = cv2.GaussianBlur(light, (0, 0), 0.9)
     image = np.clip(np.rint(4 + 6 * 255 * light + rng.normal(0, 1, light.shape)), 0, 255).astype(np.float32)
