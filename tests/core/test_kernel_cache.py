@@ -12,7 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 import pytest
 from llvmlite.binding import get_host_cpu_features
@@ -270,6 +269,8 @@ class Pair(NamedTuple):
 
 
 def test_kernels_take_and_give_what_numba_takes_and_gives() -> None:
+    import numba  # takes half a second, which only one worker needs to spend
+
     def mixed(whole, pair, out, several, flag):
         room = np.empty(2)  # of numba's runtime
         for i in range(pair.values.shape[0]):

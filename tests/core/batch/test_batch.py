@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from dask import config
 
 from core.atomic import part_prefix
 from core.batch import Outcome, run_batch
@@ -42,6 +41,8 @@ TLS = {
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A Dask scheduler with one worker, each a process of its own, as on a cluster; all speak TLS."""
+    from dask import config
+
     place = tmp_path_factory.mktemp("scheduler")
     address_file, there = place / "scheduler.json", {**os.environ, **TLS, "DASK_TEMPORARY_DIRECTORY": str(place)}
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
