@@ -83,7 +83,8 @@ def _held(seen: Array, own: Array, other: Array) -> NDArray[np.float64]:
     N, b = normal_equations(A, sure.astype(np.float64), seen[..., None].astype(np.float64))
     count = np.maximum(N[:, :1, :1], 1)
     spread = N[:, 1:, 1:] / count - N[:, 1:, :1] * N[:, :1, 1:] / count**2
-    alike = np.abs(spread[:, 0, 1]) > SAME * np.sqrt(spread[:, 0, 0] * spread[:, 1, 1])
+    alike = spread[:, 0, 1] ** 2 > SAME**2 * spread[:, 0, 0] * spread[:, 1, 1]
     tells = (N[:, 0, 0] >= own.shape[1] / 4) & (apart >= HALF) & ~alike
     light, held = np.linalg.solve(N[tells], b[tells])[:, 1:, 0].T
-    return np.asarray(held / (light + held))[light + held > DARK]
+    lit = light + held > DARK
+    return np.asarray(held[lit] / (light + held)[lit])

@@ -401,7 +401,8 @@ def _texture(image: Array) -> Array:
 
 def _mean(images: Sequence[NDArray]) -> Array:
     thin = max(1, min(images[0].shape) // 500)
-    summed = images[0][::thin, ::thin].astype(np.uint16 if images[0].dtype == np.uint8 else np.float32)
+    short = images[0].dtype == np.uint8 and len(images) <= 257  # whose sums 16 bits hold
+    summed = images[0][::thin, ::thin].astype(np.uint16 if short else np.float32)
     for image in images[1:]:
         np.add(summed, image[::thin, ::thin], out=summed)
     return summed.astype(np.float32) / np.float32(len(images))
