@@ -20,7 +20,7 @@ from core.numerics import median_of, quantum, spaced
 
 UNLIKE = 0.005  # of their gain, by which pixels of a mosaic differ at least
 BLOCKS = 2, 4  # px: sides of blocks whose sums tell the noise; even, so that a mosaic's pixels count alike
-LEAST = 30  # independent blocks that tell it
+LEAST, MANY = 30, 1000  # independent blocks that tell it; that tell it to a tenth
 SHOWN = 3.0  # standard deviations by which noise must be alike to count
 ROUNDED = 0.25  # of a step's square, noise of which is mostly rounding, that goes on over many pixels
 ENOUGH = 200_000, 1_000_000  # pixels that tell gains, and noise
@@ -82,22 +82,24 @@ def grain(image: Floats, rays: Rays, window: Array, even: Array) -> Grain:
     steadily. As noise reaches a few pixels, ever fewer of a block share theirs with those outside: what is missing
     falls with 1 / b. The middles have room for small blocks alone, which miss as large a part there.
     """
-    some = _rows(*image.shape)
-    within = partial(_drawn, image.shape, rays, some)
-    image, ground = image[some], within(2 * window) - within(window)
-    found = [_of_blocks(image, ground, b) for b in BLOCKS]
+    for some in (_rows(*image.shape), np.arange(len(image))):  # bands tell too little of few small dots
+        within = partial(_drawn, image.shape, rays, some)
+        part, ground = image[some], within(2 * window) - within(window)
+        found = [_of_blocks(part, ground, b) for b in BLOCKS]
+        if len(part) == len(image) or min(number for _, number in found) >= MANY:
+            break
     if min(number for _, number in found) < LEAST:
         return PLAIN
     (fine, many), (coarse, few) = found
-    of_pixels = _of_neighbours(image, ground)
+    of_pixels = _of_neighbours(part, ground)
     whole, near = 2 * coarse - fine, float(of_pixels.mean())
     doubt = np.sqrt(8 * coarse**2 / few + 2 * fine**2 / many)
-    step = quantum(image) if np.array_equal(image, np.rint(image)) else 0.0
+    step = quantum(part) if np.array_equal(part, np.rint(part)) else 0.0
     if near <= ROUNDED * step**2 or whole - near < SHOWN * doubt:
         return PLAIN
     middles = within(even)
-    high, number = _of_blocks(image, middles, BLOCKS[0])
-    rise = float(_of_neighbours(image, middles).mean()) - near if number >= LEAST else 0.0
+    high, number = _of_blocks(part, middles, BLOCKS[0])
+    rise = float(_of_neighbours(part, middles).mean()) - near if number >= LEAST else 0.0
     slope = (high - fine) / rise * whole / fine if rise > 0 and high > fine else whole / near
     return Grain(whole / near, slope, bool(of_pixels.max() > ODD * of_pixels.min()))
 

@@ -8,7 +8,8 @@ import pytest
 from scipy.special import ndtr
 
 from core.measure import measure_targets
-from core.measure.grain import balanced
+from core.measure.grain import balanced, grain
+from core.measure.rays import Rays
 from core.model import DeviceSpec, PhaseMap, Seed, Testfield
 
 FINE = 100  # steps of a grey value, so that rounding is no noise
@@ -80,3 +81,14 @@ def test_small_dots_on_an_even_raster_are_no_mosaic(pitch: int, radius: float) -
     away = np.hypot(u % pitch - 5.3, v % pitch - 5.6)
     image = (12 + 140 * ndtr((radius - away) / 0.5)).astype(np.float32)
     assert balanced(image) is image
+
+
+def test_few_small_dots_of_a_large_image_tell_their_noise_as_well_as_cut_out() -> None:
+    """Bands of it, which tell that of many dots, left a scatter of a sixth."""
+    rng = np.random.default_rng(5)
+    centre = 40.0 * np.stack(np.meshgrid(np.arange(1, 10), np.arange(1, 8)), axis=-1).reshape(-1, 2)
+    rays, one = Rays(centre, np.tile(8 * np.eye(2), (len(centre), 1, 1))), np.ones(len(centre))
+    image = cv2.blur(rng.normal(0, 30, (2400, 3200)).astype(np.float32), (3, 3))
+    whole, part = (grain(each, rays, 1.4 * one, 0.5 * one).ground for each in (image, image[:320, :400]))
+    assert part > 3
+    assert whole == pytest.approx(part, rel=1e-6)
