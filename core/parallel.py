@@ -16,7 +16,8 @@ from functools import lru_cache
 from itertools import pairwise
 from mmap import mmap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, cast
+from weakref import finalize
 
 from core.errors import StripeError
 from core.progress import Progress
@@ -177,28 +178,46 @@ def on_processes(
 def beside(work: Callable[[], T]) -> Callable[[], T]:
     """Begin small work in a copy of this process, where one can be had; give what waits for its result.
 
-    Where there is no copy, or it fails, the work is done when the result is asked for.
+    Where there is no copy, or it fails, the work is done when the result is asked for. A copy for whose result nobody
+    can ask any more is ended.
     """
     if not can_fork(FEWEST):
         return work
     reader, writer = os.pipe()
     copy = os.fork()
     if not copy:
-        with suppress(BaseException):  # also the signals that end a command
-            os.close(reader)
-            _alone()
-            with open(writer, "wb") as file:
-                file.write(pickle.dumps(work()))
-        os._exit(0)
+        try:
+            with suppress(BaseException):  # also the signals that end a command
+                os.close(reader)
+                _alone()
+                with open(writer, "wb") as out:
+                    out.write(pickle.dumps(work()))
+        finally:
+            os._exit(0)
     os.close(writer)
+    file = open(reader, "rb")  # noqa: SIM115  for as long as somebody may ask
 
     def result() -> T:
-        with open(reader, "rb") as file:
+        with file:
             text = file.read()
-        os.waitpid(copy, 0)
-        return cast("T", pickle.loads(text)) if text.endswith(pickle.STOP) else work()
+        end.detach()
+        with suppress(ChildProcessError):  # who started this process had it wait for none
+            os.waitpid(copy, 0)
+        with suppress(EOFError, pickle.UnpicklingError):  # it ended before it had told all
+            return cast("T", pickle.loads(text))
+        return work()
 
+    end = finalize(result, _end_copy, os.getpid(), copy, file)
     return result
+
+
+def _end_copy(process: int, copy: int, file: BinaryIO) -> None:
+    """End a copy of a process, which other copies of that process leave alone."""
+    file.close()
+    if os.getpid() == process:
+        with suppress(OSError):
+            os.kill(copy, signal.SIGTERM)
+            os.waitpid(copy, 0)
 
 
 def _alone() -> None:

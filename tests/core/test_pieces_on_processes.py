@@ -101,7 +101,7 @@ def test_targets_are_the_same_by_processes_and_by_threads(
 
 
 BESIDE = """
-import os, signal
+import os, signal, time
 import numpy as np
 from core.errors import InputError
 from core.parallel import beside, limit_threads, run_in_bands
@@ -114,21 +114,35 @@ def killed():
         os.kill(os.getpid(), signal.SIGKILL)
     return "done here"
 
+def cut():
+    if os.getpid() != me:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)  # while it waits for who reads
+    return b"." * 10**6  # whatever it ends with
+
 def wrong():
     raise InputError("beside", "nothing", "look again")
 
 large = beside(lambda: (os.getpid() != me, np.arange(1e6)))
-ends, fails, unread = beside(killed), beside(wrong), beside(lambda: bytes(10**6))
+ends, fails, unread = beside(killed), beside(wrong), [beside(lambda: bytes(10**6)), beside(lambda: time.sleep(60))]
+stops = beside(cut)
+time.sleep(0.5)
 run_in_bands(lambda start, stop: None, 100)
 elsewhere, numbers = large()
 assert elsewhere and np.array_equal(numbers, np.arange(1e6))
-assert ends() == "done here"
+assert ends() == "done here" and stops() == b"." * 10**6
 try:
     fails()
 except InputError as error:
     assert error.where == "beside"
 else:
     raise AssertionError("no error")
+del unread  # which ends those that nobody asks
+try:
+    raise AssertionError(f"left behind: {os.waitpid(-1, os.WNOHANG)}")
+except ChildProcessError:
+    pass
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+assert beside(os.getpid)() != me
 limit_threads(1)
 assert beside(os.getpid)() == me
 """
