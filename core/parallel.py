@@ -181,7 +181,7 @@ def beside(work: Callable[[], T]) -> Callable[[], T]:
     Where there is no copy, or it fails, the work is done when the result is asked for. A copy for whose result nobody
     can ask any more is ended.
     """
-    if not can_fork(FEWEST):
+    if os.name == "nt" or not hasattr(os, "fork") or not can_fork(FEWEST):
         return work
     reader, writer = os.pipe()
     copy = os.fork()
