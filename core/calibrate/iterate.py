@@ -67,7 +67,7 @@ def iterate(
     for iteration in range(max_iterations):
         progress(iteration / max_iterations, f"iteration {iteration + 1}")
         try:
-            reduced, damping = regular(quickest, state, damping)
+            reduced = reduce(quickest, state, damping)
         except SingularNormalsError:
             quickest = problem  # which of its unknowns are to blame
             reduced, damping = regular(problem, state, damping)
