@@ -15,8 +15,6 @@ import pytest
 from scipy.ndimage import binary_dilation
 
 from core.bench import Experiment, true_targets, truth_maps
-from core.bench.experiment import Plan
-from core.bench.scenarios import _PLANS
 from core.bench.scenarios import experiment as build_experiment
 from core.evaluate import evaluate_plane
 from core.model import (
@@ -38,7 +36,6 @@ from core.reconstruct import reconstruct
 
 pytestmark = pytest.mark.timeout(900)  # the first test waits for the whole experiment
 SEED = 1
-_PAPER = _PLANS["paper"]
 PUBLISHED_RMS_MM = {0: (0.031, 0.036), -15: (0.040, 0.031), 10: (0.041, 0.036), 20: (0.043, 0.033)}
 
 
@@ -56,16 +53,8 @@ class Outcome:
     clouds: dict[str, PointCloud]  # by the polynomial method
 
 
-def recorded() -> Plan:
-    """The paper's plan with four rays a pixel instead of nine, as the bench's other rigs have, and without objects."""
-    made = _PAPER()
-    return replace(made, rig=replace(made.rig, subsamples=2), objects=False)
-
-
 def whole(folder: Path) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(_PLANS, "paper", recorded)
-        simulate_project(folder, "paper", SEED)
+    simulate_project(folder, "paper", SEED)
     calibrate_project(read_project(folder))
     evaluate_project(read_project(folder))
 
