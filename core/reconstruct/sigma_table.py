@@ -133,7 +133,7 @@ def _lit_depths(devices: Devices, rays: Array) -> tuple[Array, Array]:
         ends = -fixed / by_q
     first = np.searchsorted(tried, np.where(by_q > 0, ends, -np.inf).max(axis=-1))
     last = np.searchsorted(tried, np.where(by_q < 0, ends, np.inf).min(axis=-1), side="right") - 1
-    lit = (first <= last) & ~((by_q == 0) & (fixed < 0)).any(axis=-1)
+    lit = (first <= last) & ~(np.isnan(fixed) | ((by_q == 0) & (fixed < 0))).any(axis=-1)
     held = np.where(lit, [first, last], 0)
     return np.where(lit, tried[held[0]], np.nan), np.where(lit, tried[held[1]], np.nan)
 

@@ -40,14 +40,16 @@ def test_row_patterns_alone_serve_a_projector_that_stands_above(make_rig, withou
     _compare(reconstruct(phase, rig.calibration).xyz_mm, points, phase)
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.15, 0.4, 2.5])
-def test_the_depths_at_which_rays_are_lit_are_those_of_the_projected_points(rig, turn) -> None:
+@pytest.mark.parametrize(("turn", "behind"), [(0.0, 0.0), (0.15, 0.0), (0.4, 0.0), (2.5, 0.0), (0.0, 300.0)])
+def test_the_depths_at_which_rays_are_lit_are_those_of_the_projected_points(rig, turn, behind) -> None:
     calibration = rig.calibration
     pose = calibration.projector_from_camera
-    turned = Pose(matrix_from_rotation_vector(np.array([0.3 * turn, turn, 0.0])) @ pose.rotation, pose.translation_mm)
+    stands = np.array([0.0, 0.0, behind]) if behind else pose.translation_mm
+    turned = Pose(matrix_from_rotation_vector(np.array([0.3 * turn, turn, 0.0])) @ pose.rotation, stands)
     camera, projector = ((d.spec, d.interior) for d in (calibration.camera, calibration.projector))
     devices = sigma_table.Devices(camera, projector, turned)
     rays, tried = ray_directions(*camera, sigma_table._camera_nodes(devices)), sigma_table._tried(devices)
+    rays[0, 0] = np.nan  # where a lens sees nothing
     lit = sigma_table._lit(projector[0], sigma_table._pinhole(devices, rays, tried), sigma_table.MARGIN)
     depths = np.where(lit, tried, np.nan)
     assert lit.any() == (turn < 1)
