@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from core.calibrate.datum import aligned
-from core.calibrate.elimination import Reduced, reduce
+from core.calibrate.elimination import Reduced, WithoutPoints, reduce
 from core.calibrate.equations import cost_of
-from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import Problem, sorted_by_points
+from core.calibrate.normals import Inverse, SingularNormalsError
+from core.calibrate.problem import Problem, by_fewest
 from core.calibrate.state import State, Step, moved
 from core.lazy import dataclass
 from core.progress import SILENT, Progress
@@ -28,16 +28,21 @@ ROUNDING_STALL = 1e-9  # and this, where no part of the step lowers it
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the iterations ended: the state, vᵀPv at every iteration, and the state before the last, tiny step."""
+    """Where the iterations ended: the state, vᵀPv at every iteration, and the normals before the last, tiny step."""
 
     state: State
     convergence: tuple[float, ...]
-    before: State
+    reduced: Reduced
 
     @property
     def cost(self) -> float:
         """vᵀPv."""
         return self.convergence[-1]
+
+    def invert(self, problem: Problem) -> Inverse:
+        """Cofactors of all unknowns in the problem's own elimination, whichever the iterations took."""
+        own = self.reduced if isinstance(self.reduced, WithoutPoints) == problem.by_points else None
+        return (own or reduce(problem, self.reduced.state)).invert(problem)
 
 
 class NotConvergedError(Exception):
@@ -60,7 +65,7 @@ def iterate(
     """
     state = aligned(problem, state)
     cost = cost_of(problem, state)
-    quickest = sorted_by_points(problem) if 3 * problem.points > 6 * problem.poses else problem
+    quickest = by_fewest(problem)
     convergence = [cost]
     damping, before, refused = 0.0, 0.0, 0
     rounding = float(np.sum((ROUNDING * problem.uv * problem.root_weight) ** 2))
@@ -86,12 +91,11 @@ def iterate(
             better = _relaxed(problem, state, cost, trial_cost, step)
             if better is not None:
                 (trial, trial_cost), whole = better, False
-        reached = state
         if share > 0:
             state, cost = aligned(problem, trial), trial_cost
         convergence.append(cost)
         if last:
-            return Solution(state, tuple(convergence), reached)
+            return Solution(state, tuple(convergence), reduced)
         before = step.gain if whole else 0.0
         # where rounding called for damping, a step without any decides
         damping = 0.0 if stalled else next_damping(damping, share)

@@ -264,8 +264,10 @@ def reweighted(problem: Problem, factor: Array) -> Problem:
     return replace(problem, root_weight=problem.root_weight * factor)
 
 
-def sorted_by_points(problem: Problem) -> Problem:
-    """The same problem, of which the points are eliminated."""
+def by_fewest(problem: Problem) -> Problem:
+    """The same problem, of which the points are eliminated where they have more unknowns than the poses."""
+    if problem.by_points or 3 * problem.points <= 6 * problem.poses:
+        return problem
     order = np.lexsort((problem.device, problem.point))
     point = problem.point[order]
     return replace(

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
-from core.calibrate.elimination import reduce
 from core.calibrate.equations import Equations, linearise, misclosures
 from core.calibrate.iterate import NotConvergedError, iterate
 from core.calibrate.normals import Inverse, SingularNormalsError
@@ -102,7 +101,7 @@ def solve(network: Network, problem: Problem, state: State, options: AdjustOptio
                 weighted, state, max_iterations=options.max_iterations, tolerance=options.tolerance, progress=progress
             )
             state = solution.state
-            inverse = reduce(weighted, solution.before).invert(weighted)
+            inverse = solution.invert(weighted)
         except SingularNormalsError as error:
             raise singular_error(network, weighted, state, error) from None
         except NotConvergedError as error:
@@ -110,7 +109,7 @@ def solve(network: Network, problem: Problem, state: State, options: AdjustOptio
             raise settled(why, error.convergence[-1] / weighted.redundancy) from None
         convergence = convergence or solution.convergence
         # derivatives where the inverse has them, before the last, tiny step
-        J = linearise(weighted, solution.before).J
+        J = linearise(weighted, solution.reduced.state).J
         equations = Equations(misclosures(weighted, state), J, solution.cost)
         numbers = redundancy_numbers(weighted, equations, inverse)
         solved = Solved(network, weighted, state, equations, inverse, numbers, convergence, dict(factors))

@@ -149,7 +149,7 @@ def polynomial_slopes(x: Array, y: Array, degree: int) -> Array:
 
 
 def _powers(x: Array, most: int) -> list[Array]:
-    """1, x, x² ... up to a power, by products: powers of arrays take ten times as long."""
+    """1, x, x² ... up to a power, by products: higher powers of arrays take several times as long."""
     found = [np.ones_like(x)]
     for _ in range(most):
         found.append(found[-1] * x)

@@ -165,8 +165,9 @@ def test_eliminating_the_points_gives_what_eliminating_the_poses_gives(simulate,
         problem = problem_of(network, by_points=by_points)
         start = initial_state(network, problem)
         solution, step = iterate(problem, start), reduce(problem, start).solve(problem)
-        inverse = reduce(problem, solution.before).invert(problem)
-        numbers = redundancy_numbers(problem, linearise(problem, solution.before), inverse)[np.argsort(problem.order)]
+        inverse = solution.invert(problem)
+        equations = linearise(problem, solution.reduced.state)
+        numbers = redundancy_numbers(problem, equations, inverse)[np.argsort(problem.order)]
         cofactors = point_cofactors(problem, inverse), pose_cofactors(problem, inverse)
         found = solution.state.xyz, solution.state.interior, *cofactors, numbers
         results.append((*found, step.z, step.pose, step.xyz, np.array(step.gain)))
