@@ -96,9 +96,9 @@ def solve_network(
 ) -> tuple[Solved, Warnings]:
     """Adjust a network, reject gross errors where the options say so, and collect what weakens it.
 
-    `near` is the solution of nearly the same network, which gives initial values. Where that fails and would not with
-    mirrored images, the error says so. Of a network of others, whose approximate coordinates may be none, the images
-    alone are tried then.
+    `near` is the solution of nearly the same network, which gives initial values; what iterations made of vᵀPv begins
+    with its own. Where that fails and would not with mirrored images, the error says so. Of a network of others, whose
+    approximate coordinates may be none, the images alone are tried then.
     """
     check_network(network)
     try:
@@ -159,8 +159,9 @@ def _solved(
     problem = problem_of(network)
     refuse_unredundant(problem)
     progress(0.0, "initial values")
+    earlier: tuple[float, ...] = ()
     if near is not None and _same_unknowns(near.network, network):
-        state = near.state
+        state, earlier = near.state, near.convergence
     else:
         state = initial_state(network, problem)
         network, problem, state, more = misplaced(network, problem, state)
@@ -203,7 +204,7 @@ def _solved(
     warnings += behind_warning(solved.network, solved.state)
     warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))
     progress(1.0, "adjusted")
-    return solved, warnings
+    return replace(solved, convergence=(*earlier, *solved.convergence[bool(earlier) :])), warnings
 
 
 def _same_unknowns(one: Network, other: Network) -> bool:

@@ -214,6 +214,18 @@ def test_dots_that_two_projectors_light_are_recentred_by_the_adjusted_camera(mea
     assert np.abs(error / camera.sigma).max() < 4 * 2**0.5  # what two projectors are told is the same
 
 
+def test_what_is_adjusted_anew_shows_its_course_from_the_first_initial_values(measured):
+    _, rig, field, sets, bar = measured
+    _, once = calibrate_photogrammetric(rig, field, sets, scale=bar)
+    moved = [replace(t, camera_uv=t.camera_uv + 0.01) for t in sets]
+    _, cold = calibrate_photogrammetric(rig, field, moved, scale=bar)
+    _, again = calibrate_photogrammetric(rig, field, sets, scale=bar, recentred=lambda _: moved)
+    assert again.convergence[: len(once.convergence)] == once.convergence
+    assert again.convergence[-1] == pytest.approx(cold.convergence[-1])
+    assert again.iterations == len(again.convergence) - 1 < once.iterations + cold.iterations
+    np.testing.assert_allclose(again.points_mm, cold.points_mm, atol=1e-7)
+
+
 def test_a_loose_rig_is_said_in_the_calibration(loose, simulate, measured):
     simulated, rig, *_ = measured
     field, sets, bar = target_sets(replace(simulated, network=loose(0.5)))
