@@ -38,16 +38,17 @@ def fade_rows(
 
 
 @inner(forceinline=True)
-def add_lines(tables: Floats, width: int, line: float, out: Floats, at: int, count: int) -> None:
-    """Turn `count` of `out` on or off by what as many patterns show at a projector coordinate: c + r - 2 c r."""
+def add_lines(tables: Floats, width: int, line: float, out: Floats) -> None:
+    """Turn `out`, (P,), on or off by what P patterns show at a projector coordinate: c + r - 2 c r."""
     place = (line + PAD) * PER_LINE
     if not 0 <= place < tables.shape[1] - 1:
         return
     i = int(place)
     f = np.float32(place - i)
-    for p in range(count):  # by indices: a view would cost more than a pattern
-        shown = tables[width, i, p] + f * (tables[width, i + 1, p] - tables[width, i, p])
-        out[at + p] += shown - 2 * out[at + p] * shown
+    first, second = tables[width, i], tables[width, i + 1]
+    for p in range(out.size):
+        shown = first[p] + f * (second[p] - first[p])
+        out[p] += shown - 2 * out[p] * shown
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -64,8 +65,8 @@ def expose_pixels(
     count, pixels, taps = out.shape[0], out.shape[2], weights.size
     margin = (taps - per_pixel) // 2
     lead = (margin + per_pixel - 1) // per_pixel  # pixels before the first and after the last
-    light = np.zeros((per_pixel, (pixels + 2 * lead) * count), np.float32)
-    lit = light.ravel()
+    lit = np.zeros((per_pixel, pixels + 2 * lead, count), np.float32)
+    light = lit.reshape(per_pixel, (pixels + 2 * lead) * count)
     half = np.empty(pixels * count, np.float32)
     turns = (taps + per_pixel - 1) // per_pixel  # pixel rows under way
     sums = np.zeros((turns, half.size), np.float32)
@@ -74,17 +75,16 @@ def expose_pixels(
         i = min(max(q, 0), u.shape[0] - 1)
         if i != done:
             done = i
-            for m in range((pixels + 2 * lead) * per_pixel):
-                j = min(max(m - lead * per_pixel, 0), u.shape[1] - 1)
-                at = (m % per_pixel * (pixels + 2 * lead) + m // per_pixel) * count
-                for p in range(at, at + count):
-                    lit[p] = 0
-                g = gain[i, j]
-                if g > 0:
-                    add_lines(columns, width[i, j], u[i, j], lit, at, count)
-                    add_lines(rows, width[i, j], v[i, j], lit, at, count)
-                    for p in range(at, at + count):
-                        lit[p] = g * (off + bright * lit[p])
+            for n in range(pixels + 2 * lead):
+                for k in range(per_pixel):
+                    j = min(max((n - lead) * per_pixel + k, 0), u.shape[1] - 1)
+                    ray, g = lit[k, n], gain[i, j]
+                    ray[:] = 0
+                    if g > 0:
+                        add_lines(columns, width[i, j], u[i, j], ray)
+                        add_lines(rows, width[i, j], v[i, j], ray)
+                        for p in range(count):
+                            ray[p] = g * (off + bright * ray[p])
             for start in range(0, half.size, 1024):  # what the processor keeps at hand
                 part = half[start : start + 1024]
                 part[:] = 0
