@@ -24,17 +24,19 @@ def pixel_to_image(spec: DeviceSpec, uv: ArrayLike) -> Array:
            [ 0. ,  0. ]])
     """
     p = np.asarray(uv, dtype=np.float64)
-    x = (p[..., 0] - (spec.width - 1) / 2) * spec.pitch_mm[0]
-    y = ((spec.height - 1) / 2 - p[..., 1]) * spec.pitch_mm[1]
-    return np.stack([x, y], axis=-1)
+    xy = np.empty(p.shape)
+    xy[..., 0] = (p[..., 0] - (spec.width - 1) / 2) * spec.pitch_mm[0]
+    xy[..., 1] = ((spec.height - 1) / 2 - p[..., 1]) * spec.pitch_mm[1]
+    return xy
 
 
 def image_to_pixel(spec: DeviceSpec, xy: ArrayLike) -> Array:
     """Pixel coordinates (u, v), shape (..., 2), of image coordinates (x, y) in mm, shape (..., 2)."""
     p = np.asarray(xy, dtype=np.float64)
-    u = p[..., 0] / spec.pitch_mm[0] + (spec.width - 1) / 2
-    v = (spec.height - 1) / 2 - p[..., 1] / spec.pitch_mm[1]
-    return np.stack([u, v], axis=-1)
+    uv = np.empty(p.shape)
+    uv[..., 0] = p[..., 0] / spec.pitch_mm[0] + (spec.width - 1) / 2
+    uv[..., 1] = (spec.height - 1) / 2 - p[..., 1] / spec.pitch_mm[1]
+    return uv
 
 
 def project(spec: DeviceSpec, interior: Interior, points: ArrayLike, device_from_object: Pose | None = None) -> Array:
@@ -50,8 +52,10 @@ def project(spec: DeviceSpec, interior: Interior, points: ArrayLike, device_from
 
 def ray_directions(spec: DeviceSpec, interior: Interior, uv: ArrayLike) -> Array:
     """Directions in the device frame, shape (..., 3), with Z = -1, in which pixels (u, v), shape (..., 2), look."""
-    xy = undistort(interior, pixel_to_image(spec, uv)) / interior.c_mm
-    return np.concatenate([xy, np.full((*xy.shape[:-1], 1), -1.0)], axis=-1)
+    xy = undistort(interior, pixel_to_image(spec, uv))
+    directions = np.full((*xy.shape[:-1], 3), -1.0)
+    np.divide(xy, interior.c_mm, out=directions[..., :2])
+    return directions
 
 
 def estimated(device: NetworkDevice) -> tuple[str, ...]:

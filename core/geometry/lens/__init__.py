@@ -22,6 +22,7 @@ LENSES: dict[str, Lens] = {
     if (lens := getattr(import_module(f"{__name__}.{module.name}"), "LENS", None)) is not None
 }
 DIFFERENCE_MM = 1e-5  # by which slopes are taken: they err by 1e-7, which a step more makes up for
+SHORT = 2e-3  # of the principal distance: steps after which the slopes have hardly changed
 TOGETHER = 16_384  # places that are inverted at once: they stay in the processor's cache
 GRID = 24  # places along each side of an image at which two lenses are compared
 
@@ -60,23 +61,25 @@ def undistort(interior: Interior, measured_xy: ArrayLike, tolerance_mm: float = 
 
 def _undistorted(interior: Interior, measured: Array, tolerance_mm: float) -> Array:
     """Invert the lens for places (n, 2)."""
-    bend = LENSES[interior.model].distort
-    xy = measured - [interior.x0_mm, interior.y0_mm]
-    step = np.full(len(xy), np.inf)
+    bend, seen = LENSES[interior.model].distort, np.ascontiguousarray(measured.T)  # x and y each in a row
+    xy = seen - [[interior.x0_mm], [interior.y0_mm]]
+    step, longest = np.full(len(measured), np.inf), np.inf
     with np.errstate(all="ignore"):
-        for count in range(20):
-            there = bend(interior, xy)
-            if count != 2:  # the third step is short, and most often the last: the slopes of the second serve
-                by_x, by_y = ((bend(interior, xy + side) - there) / DIFFERENCE_MM for side in DIFFERENCE_MM * np.eye(2))
-                det = by_x[..., 0] * by_y[..., 1] - by_x[..., 1] * by_y[..., 0]
-            off = there - measured
-            sx = (by_y[..., 1] * off[..., 0] - by_y[..., 0] * off[..., 1]) / det
-            sy = (by_x[..., 0] * off[..., 1] - by_x[..., 1] * off[..., 0]) / det
-            xy = xy - np.stack([sx, sy], axis=-1)
+        for _ in range(20):
+            there = bend(interior, xy.T).T
+            if longest > SHORT * interior.c_mm:  # else the slopes from there serve
+                sides = (xy + side[:, None] for side in DIFFERENCE_MM * np.eye(2))
+                by_x, by_y = ((bend(interior, side.T).T - there) / DIFFERENCE_MM for side in sides)
+                det = by_x[0] * by_y[1] - by_x[1] * by_y[0]
+            off = there - seen
+            sx, sy = (by_y[1] * off[0] - by_y[0] * off[1]) / det, (by_x[0] * off[1] - by_x[1] * off[0]) / det
+            xy[0] -= sx
+            xy[1] -= sy
             step = sx * sx + sy * sy
-            if not np.any(step > tolerance_mm**2):
+            longest = float(np.sqrt(np.fmax.reduce(step, initial=0.0)))
+            if longest <= tolerance_mm:
                 break
-    return np.where((step <= tolerance_mm**2)[..., None], xy, np.nan)
+    return np.where(step <= tolerance_mm**2, xy, np.nan).T
 
 
 def _raster(spec: DeviceSpec) -> Array:

@@ -19,10 +19,11 @@ def _distort(interior: Interior, xy: Array) -> Array:
     x, y = xy[..., 0], xy[..., 1]
     a1, a2, a3, a4, a5, a6 = interior.a
     r2, r02 = x * x + y * y, interior.r0_mm**2
-    d = a1 * (r2 - r02) + a2 * (r2 * r2 - r02 * r02)
-    x1 = x + x * d + 2 * a5 * x * y + a6 * (r2 + 2 * x * x) + interior.x0_mm
-    y1 = y + y * d + 2 * a6 * x * y + a5 * (r2 + 2 * y * y) + interior.y0_mm
-    return np.stack([x1 + a3 * x1 + a4 * y1, y1 + a4 * x1 - a3 * y1], axis=-1)
+    stretch = r2 * (a1 + a2 * r2) + (1 - r02 * (a1 + a2 * r02)) + ((2 * a5) * y + (2 * a6) * x)
+    x1, y1 = x * stretch + a6 * r2 + interior.x0_mm, y * stretch + a5 * r2 + interior.y0_mm
+    out = np.empty_like(xy)
+    out[..., 0], out[..., 1] = (1 + a3) * x1 + a4 * y1, a4 * x1 + (1 - a3) * y1
+    return out
 
 
 def _derivatives(interior: Interior, xy: Array) -> tuple[Array, Array]:

@@ -22,9 +22,11 @@ def _distort(interior: Interior, xy: Array) -> Array:
     x, y = xy[..., 0] / interior.c_mm, xy[..., 1] / interior.c_mm  # y up: p1 changes its sign
     r2 = x * x + y * y
     d = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-    x1 = x * d - 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    y1 = y * d - p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return np.stack([interior.c_mm * (1 + b1) * x1 + interior.x0_mm, interior.c_mm * y1 + interior.y0_mm], axis=-1)
+    d += (2 * p2) * x - (2 * p1) * y
+    out = np.empty_like(xy)
+    out[..., 0] = (x * d + p2 * r2) * (interior.c_mm * (1 + b1)) + interior.x0_mm
+    out[..., 1] = (y * d - p1 * r2) * interior.c_mm + interior.y0_mm
+    return out
 
 
 def _derivatives(interior: Interior, xy: Array) -> tuple[Array, Array]:
