@@ -16,7 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.contradictions import Looked, unexplained
-from core.capture.lookup import CONTRADICTION, LEAST, Fit, Numbers, as_blurred, dictionary, leave_one_out, nearest, some
+from core.capture.lookup import (
+    CONTRADICTION,
+    LEAST,
+    Fit,
+    Numbers,
+    as_blurred,
+    dictionary,
+    leave_one_out,
+    nearest,
+    nearest_within,
+    some,
+)
 from core.capture.plan import Plan
 from core.capture.quality import LIT, Sampled
 from core.model.finding import Finding
@@ -116,7 +127,7 @@ def _axis(
     words = sum(use_of(plan.shots[i]) == "word" for i in fit.shots)
     limit = max(CONTRADICTION, 0.01 * float(fit.weight.sum()), EDGED * words) + 2 * k * tolerance**2
     root = np.sqrt(fit.weight)[:, None]
-    cost, best = nearest(root * fit.values, root * fit.possible)
+    cost, best = nearest_within(root * fit.values, root * fit.possible, limit)
     bad = cost > limit
     share = float(bad.mean())
     patterns, lit = [plan.shots[s] for s in fit.shots], replace(fit, values=fit.values[:, bright])

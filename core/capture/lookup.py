@@ -119,11 +119,10 @@ def leave_one_out(fit: Fit, few: Numbers, limit: Array, tolerance: Array, rows: 
     whole += np.sum(weight * values**2, axis=0)[:, None]
     near = np.float32(NEAR) + 4 * tolerance.astype(np.float32) ** 2
     bands = np.minimum(np.argsort(np.argsort(rows, kind="stable")) * _BANDS // len(few), _BANDS - 1)
-    for seen, possible, own in zip(values, fit.possible, fit.weight, strict=True):
-        told: Array = np.empty((4, len(few)), np.float32)
-        best = np.empty(len(few), np.intp)
-        weigh_lines(whole, seen, possible, own, near, told, best)
-        bright, dark, low, high = told
+    told: Array = np.empty((len(values), 4, len(few)), np.float32)
+    best = np.empty(values.shape, np.intp)
+    weigh_lines(whole, values, fit.possible, fit.weight, near, CONTRADICTION, told, best)
+    for seen, possible, (bright, dark, low, high), own in zip(values, fit.possible, told, best, strict=True):
         least = np.minimum(bright, dark)
         # where the lines that make the frame bright fit clearly better than the dark ones, or the reverse
         clear = (np.abs(bright - dark) > CONTRADICTION) & (np.abs(seen - 0.5) > 0.15)
@@ -140,38 +139,56 @@ def leave_one_out(fit: Fit, few: Numbers, limit: Array, tolerance: Array, rows: 
         result.share.append(float(np.mean(least > limit)))
         result.wrong.append(wrong)
         result.judged.append(judged)
-        result.best.append(best)
+        result.best.append(own)
     return result
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
 def weigh_lines(
-    whole: Array, seen: Array, possible: Array, own: np.float32, near: Array, told: Array, best: Numbers
+    whole: Array, values: Array, possible: Array, weight: Array, near: Array, far: float, told: Array, best: Numbers
 ) -> None:
-    """Weigh all lines (m,) for pixels (n,) by what the other frames say: all frames' distance (n, m), less `own` part.
+    """Weigh lines (m,) for pixels (n,) by what all frames but one say, for each of k frames: `whole` (n, m) less it.
 
-    told (4, n): least distance of lines on which the frame is bright, and of those where it is dark; lowest and highest
-    value on lines that are at most `near` (n,) above the least. best (n,): the first line of the least.
+    told (k, 4, n): least distance of lines on which the frame is bright, and of those where it is dark; lowest and
+    highest value on lines that are at most `near` (n,) above the least. best (k, n): the first line of the least. Lines
+    that are further than `near` and `far` above the least whatever frame is left out are not looked at.
     """
-    half, far = np.float32(0.5), np.float32(np.inf)
-    distance = np.empty(len(possible), np.float32)
-    for i in range(len(seen)):
-        bright, dark, low, high = far, far, far, -far
-        for j in range(len(possible)):
-            off = seen[i] - possible[j]
-            distance[j] = whole[i, j] - own * (off * off)
-            bright = min(bright, distance[j] if possible[j] > half else far)
-            dark = min(dark, far if possible[j] > half else distance[j])
-        least = min(bright, dark)
-        enough = least + near[i]
-        for j in range(len(possible)):
-            low = min(low, possible[j] if distance[j] <= enough else far)
-            high = max(high, possible[j] if distance[j] <= enough else -far)
-        j = 0
-        while j < len(possible) - 1 and distance[j] > least:
-            j += 1
-        best[i] = j
-        told[0, i], told[1, i], told[2, i], told[3, i] = bright, dark, low, high
+    half, never = np.float32(0.5), np.float32(np.inf)
+    among, light, distance = np.empty(whole.shape[1], np.intp), np.empty_like(whole[0]), np.empty_like(whole[0])
+    brightest, darkest = np.empty_like(weight), np.empty_like(weight)
+    for k in range(len(values)):
+        brightest[k], darkest[k] = possible[k].max(), possible[k].min()
+    for i in range(whole.shape[0]):
+        limit, reach = never, np.float32(0.0)
+        for j in range(whole.shape[1]):
+            limit = min(limit, whole[i, j])
+        for k in range(len(values)):
+            high, low = brightest[k] - values[k, i], darkest[k] - values[k, i]
+            reach = max(reach, weight[k] * max(high * high, low * low))
+        limit += reach + max(near[i], np.float32(far))
+        count = 0
+        for j in range(whole.shape[1]):
+            if whole[i, j] <= limit:
+                among[count] = j
+                count += 1
+        for k in range(len(values)):
+            bright, dark, low, high, first = never, never, never, -never, 0
+            for c in range(count):
+                light[c] = possible[k, among[c]]
+                off = values[k, i] - light[c]
+                distance[c] = whole[i, among[c]] - weight[k] * (off * off)
+                if light[c] > half:
+                    bright = min(bright, distance[c])
+                else:
+                    dark = min(dark, distance[c])
+            least = min(bright, dark)
+            for c in range(count - 1, -1, -1):
+                if distance[c] <= least + near[i]:
+                    low, high = min(low, light[c]), max(high, light[c])
+                    if distance[c] <= least:
+                        first = among[c]
+            told[k, 0, i], told[k, 1, i], told[k, 2, i], told[k, 3, i] = bright, dark, low, high
+            best[k, i] = first
 
 
 def _denied(clear: NDArray[np.bool_], agrees: NDArray[np.bool_]) -> tuple[bool, bool]:

@@ -145,18 +145,24 @@ def test_the_finding_names_what_is_shown_instead() -> None:
     assert texts == [f"frame 10 claims {step.format(3)} and shows {step.format(2)}"]
 
 
-def test_lines_are_weighed_as_in_plain_arrays() -> None:
+@pytest.mark.parametrize("far", [0.1, 100.0])
+def test_lines_are_weighed_as_in_plain_arrays(far: float) -> None:
     rng = np.random.default_rng(1)
-    whole, seen, possible, near = (rng.random(shape, np.float32) for shape in ((50, 300), 50, 300, 50))
-    told, best = np.empty((4, 50), np.float32), np.empty(50, np.intp)
-    for own in (np.float32(1), np.float32(0.5)):
-        weigh_lines(whole, seen, possible, own, near, told, best)
-        distance = whole - own * (seen[:, None] - possible) ** 2
+    shapes = ((50, 300), (6, 50), (6, 300), (6,), (50,))
+    whole, values, possible, weight, near = (rng.random(shape, np.float32) for shape in shapes)
+    whole *= 5
+    told, best = np.empty((6, 4, 50), np.float32), np.empty((6, 50), np.intp)
+    weigh_lines(whole, values, possible, weight, near, far, told, best)
+    for seen, lines, own, said, first in zip(values, possible, weight, told, best, strict=True):
+        distance = whole - own * (seen[:, None] - lines) ** 2
         fit = distance <= (distance.min(axis=1) + near)[:, None]
-        ends = np.where(fit, possible, np.inf).min(axis=1), np.where(fit, possible, -np.inf).max(axis=1)
-        parts = [distance[:, part].min(axis=1) for part in (possible > 0.5, possible <= 0.5)]
-        np.testing.assert_array_equal(told, [*parts, *ends])
-        np.testing.assert_array_equal(best, distance.argmin(axis=1))
+        ends = np.where(fit, lines, np.inf).min(axis=1), np.where(fit, lines, -np.inf).max(axis=1)
+        parts = np.array([distance[:, part].min(axis=1) for part in (lines > 0.5, lines <= 0.5)])
+        within = parts <= distance.min(axis=1) + far
+        np.testing.assert_array_equal(said[:2][within], parts[within])
+        assert (said[:2] >= parts).all()
+        np.testing.assert_array_equal(said[2:], ends)
+        np.testing.assert_array_equal(first, distance.argmin(axis=1))
 
 
 def test_what_nothing_repeats_is_listed_once(monkeypatch: pytest.MonkeyPatch) -> None:
