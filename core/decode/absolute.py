@@ -163,13 +163,10 @@ def decode(
         refined, (limits, tables, response, light, *_) = Planes(found.place, found.sigma, found.shape[1]), seen
         misfit = refine(sequence.frames, patterns, arrays, tables, limits, response, light, refined, progress)
         misfit = misfit.reshape(found.shape)
-    for k in range(len(AXES)):
-        if periods := sequence.periods(k):
-            u, sigma = found.over_image(found.place[k], found.sigma[k])
-            left = take_waves_out(u, periods)
-            left += take_kinds_out(u, periods) if seen.response is not None else 0.0
-            widen(sigma, np.full((1, 1), left, np.float32))
-    _draw_and_doubt(found, sequence, seen)
+    x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in seen.tables)
+    _draw(found, sequence, seen, (x_even, y_even))
+    for k, even in enumerate((x_even, y_even)):
+        _level_and_doubt(found, k, sequence, seen, even)
     phase = replace(_phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps), clipped=clipped)
     if options.estimate and (alone := codes_alone(seen.tables)):
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
@@ -286,19 +283,26 @@ def _mend(
     return _Doubt(told, detour)
 
 
-def _draw_and_doubt(found: _Found, sequence: Prepared, seen: Seen) -> None:
-    """Take out, in place, what texture does to coordinates, and doubt those of two surfaces."""
+def _draw(found: _Found, sequence: Prepared, seen: Seen, even: tuple[bool, bool]) -> None:
+    """Take out, in place, what texture does to coordinates, before dots at even distances pass for waves of them."""
     cofactor = max((float(t.covariance[0, 0]) for t in seen.tables if len(t.covariance)), default=1.0)
-    x_even, y_even = (t.start == SWEEP or len(t.period) > 0 for t in seen.tables)
     flags = found.flags.reshape(found.shape)
     lit = found.image, found.modulation
-    draw_back((found.place, found.sigma), lit, flags, sequence.image_rows, seen.limits, cofactor, (x_even, y_even))
-    for k, table in enumerate(seen.tables):
-        u, sigma = found.over_image(found.place[k], found.sigma[k])
-        if (x_even, y_even)[k]:
-            doubt_mixtures(u, sigma)
-        if len(table.period):
-            drop_vague(u, sigma, flags, float(table.period.min()), MISSING[k])
+    draw_back((found.place, found.sigma), lit, flags, sequence.image_rows, seen.limits, cofactor, even)
+
+
+def _level_and_doubt(found: _Found, axis: int, sequence: Prepared, seen: Seen, even: bool) -> None:
+    """Take out, in place, what all phases err alike, and doubt coordinates of two surfaces."""
+    u, sigma = found.over_image(found.place[axis], found.sigma[axis])
+    if periods := sequence.periods(axis):
+        left = take_waves_out(u, periods)
+        left += take_kinds_out(u, periods) if seen.response is not None else 0.0
+        widen(sigma, np.full((1, 1), left, np.float32))
+    if even:
+        doubt_mixtures(u, sigma)
+    if len(seen.tables[axis].period):
+        shortest = float(seen.tables[axis].period.min())
+        drop_vague(u, sigma, found.flags.reshape(found.shape), shortest, MISSING[axis])
 
 
 def _phase_map(

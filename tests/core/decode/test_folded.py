@@ -158,3 +158,23 @@ def test_waves_show_on_dots_where_nothing_larger_is_decoded() -> None:
 def test_noise_of_dots_grows_with_light_though_means_of_steps_are_dim(seed: int) -> None:
     """Neighbours' residuals alone hardly show the slope, which was then none: sigma was 1.2 times too small."""
     assert 0.85 < board(4, seed) < 1.12
+
+
+def test_dots_that_keep_step_with_the_fringes_are_no_wave() -> None:
+    """Half a period apart, each draws its rim's coordinates to its middle: a wave of 0.025 lines was taken out."""
+    y, x = (np.mgrid[:520, :800] + 0.5) / 2 - 0.5
+    u = 40 + 0.35 * x + 0.02 * y
+    away = np.hypot((0.35 * x + 0.02 * y) % 8 - 4, 0.35 * (y % 23 - 11.5)) / 0.35
+    white = np.where(away < 5, 0.9, 0.12)
+    rng, frames = np.random.default_rng(4), []
+    for pattern in (patterns := [*gray_and_phase("x", 240, cell=8, periods=[16], steps=5), White(), Black()]):
+        shown = np.repeat(brightness(pattern, np.arange(240)), FINE)
+        seen = np.interp(u, (np.arange(240 * FINE) + 0.5) / FINE - 0.5, gaussian_filter1d(shown, 0.35 * FINE))
+        light = gaussian_filter(white * (0.05 + seen), 1.3).reshape(260, 2, 400, 2).mean(axis=(1, 3))
+        grey = 6 + 200 * light + rng.standard_normal(light.shape) * np.sqrt(0.7 * (1 + light))
+        frames.append(np.rint(4 * grey).clip(0, 1023).astype(np.uint16))
+    phase = decode(patterns, frames, lines=(240, 240))
+    truth, far = (each.reshape(260, 2, 400, 2).mean(axis=(1, 3)) for each in (u, away))
+    middle = far < 2.5
+    assert np.isfinite(phase.u[middle]).mean() > 0.99
+    assert abs(2 * np.mean((phase.u - truth)[middle] * np.exp(4j * np.pi * truth[middle] / 16))) < 0.003
