@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from core.decode import decode
 from core.decode.camera import TONE
+from core.model import PhaseMap
 from core.patterns import Black, Pattern, Phase, White, brightness, gray_and_phase
 
 LINES, HEIGHT, WIDTH, FINE = 640, 160, 480, 16
@@ -85,14 +86,16 @@ def sequence(periods: tuple[float, ...], steps: int, coded: bool, reference: boo
 
 
 @cache
-def result(name: str, exponent: float | None, camera: Curve | None = None) -> tuple[float, float, float, float]:
+def decoded(name: str, exponent: float | None) -> PhaseMap:
+    sight, patterns = Sight(s_shape if exponent is None else power(exponent)), sequence(*SEQUENCES[name])
+    return decode(patterns, sight.take(patterns), lines=(LINES, 480))
+
+
+def result(name: str, exponent: float | None) -> tuple[float, float, float, float]:
     """Valid part, r.m.s. error (lines), observed over predicted, part of errors beyond two lines."""
-    curve = s_shape if exponent is None else power(exponent)
-    sight = Sight(curve, camera) if camera else Sight(curve)
-    patterns = sequence(*SEQUENCES[name])
-    phase = decode(patterns, sight.take(patterns), lines=(LINES, 480))
+    phase = decoded(name, exponent)
     good = np.isfinite(phase.u)
-    error = (phase.u - sight.u)[good]
+    error = (phase.u - Sight(power(1.0)).u)[good]
     ratio = float(np.sqrt(np.mean((error / phase.sigma_u[good]) ** 2)))
     return float(good.mean()), float(np.sqrt(np.mean(error**2))), ratio, float(np.mean(np.abs(error) > 2))
 
@@ -243,8 +246,7 @@ def test_pixels_in_step_with_the_fringes_are_no_response(exponent: float) -> Non
 
 @pytest.mark.parametrize("name", SEQUENCES)
 def test_a_straight_response_is_left_alone(name: str) -> None:
-    patterns = sequence(*SEQUENCES[name])
-    assert decode(patterns, Sight(power(1.0)).take(patterns), lines=(LINES, 480)).response is None
+    assert decoded(name, 1.0).response is None
 
 
 def test_the_curve_is_found() -> None:
