@@ -12,7 +12,7 @@ import pytest
 
 from core.capture.beside import beside_code
 from core.patterns import Axis, Black, Pattern, Phase, White, gray_and_phase
-from tests.core.capture.test_stored_frames import Frames, render, told
+from tests.core.capture.test_stored_frames import MIDDLE, Frames, render, told
 
 AXES: tuple[Axis, ...] = ("x", "y")
 
@@ -45,7 +45,7 @@ def test_phase_steps_half_a_line_off_are_named(
 ) -> None:
     """Every coordinate is off by half a line; the truth is what the renderer showed."""
     patterns = shown(cell, period, steps, profile)
-    images = render(patterns, 5, gamma=gamma, roll=0.3)
+    images = render(patterns, 5, gamma=gamma, roll=0.3, shape=MIDDLE)
     assert not told(patterns, images)
     for lines in (-0.5, 0.5):
         turn = 2 * np.pi * lines / period
@@ -72,7 +72,7 @@ def test_a_finest_period_that_is_off_is_told_by_code_or_other_periods(
     patterns: list[Pattern], period: float, factor: float, gamma: float
 ) -> None:
     """At the last of 160 lines by half a line, or by 1.6: every pixel by itself is as it may be."""
-    images = render(patterns, 4, gamma=gamma)
+    images = render(patterns, 4, gamma=gamma, shape=MIDDLE)
     assert not told(patterns, images)
     off = [replace(p, period=period * factor) if p.period == period else p for p in patterns if isinstance(p, Phase)]
     found = told([*(p for p in patterns if not isinstance(p, Phase)), *off], reordered(patterns, images))
