@@ -19,6 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the commands do: its th
 
 import pytest
 
+from core.bench.scenarios import _PLANS, plan
 from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
 from tests.copies import copied, stamps, written_into
@@ -152,6 +153,15 @@ def without_drawings(patch: pytest.MonkeyPatch) -> None:
 def plain_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports without their drawings: where it matters that they are there, not how they look."""
     without_drawings(monkeypatch)
+
+
+@pytest.fixture
+def few_captures(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Let the `quick` scenario have as few captures as can be calibrated both ways: so many."""
+    whole = plan("quick")
+    few = replace(whole, places=whole.places[:5], depths_mm=(-50, 0, 50), angles_deg=(0,), objects=False)
+    monkeypatch.setitem(_PLANS, "quick", lambda: few)
+    return 5 + 3 + 1
 
 
 @pytest.fixture
