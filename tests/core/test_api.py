@@ -146,14 +146,13 @@ def test_the_covariance_is_what_repetition_shows(points):
 
 
 def test_what_the_calibration_is_unsure_of_goes_into_the_covariance(points):
-    rng = np.random.default_rng(5)
+    """To first order, by what each parameter's own deviation moves: as good as very many draws of all of them."""
     truth, point = calibration(), points[:3]
     sigma = np.array([2e-3, 1e-3, 1e-3, *[0.0] * 6, 4e-3, 2e-3, 2e-3, *[0.0] * 6, 2e-5, 2e-5, 2e-5, 0.02, 0.02, 0.03])
     told = core.triangulate(calibration(np.diag(sigma**2)), camera_sees(point), projector_sees(point))
     exact = core.triangulate(calibration(), camera_sees(point), projector_sees(point))
-    found = []
-    for _ in range(800):
-        e = rng.normal(size=24) * sigma
+    moved = []
+    for e in np.vstack([np.diag(sigma), -np.diag(sigma)])[np.tile(sigma > 0, 2)]:
         R = matrix_from_rotation_vector(e[18:21]) @ PROJECTOR_FROM_CAMERA.rotation
         other = calibration_of_pair(
             AdjustedDevice(CAMERA, Interior.from_vector(truth.camera.interior.vector + e[:9], 0.0), e[:9], (0, 0), 0),
@@ -162,23 +161,24 @@ def test_what_the_calibration_is_unsure_of_goes_into_the_covariance(points):
             ),
             Pose(R, PROJECTOR_FROM_CAMERA.translation_mm + e[21:]), np.zeros((24, 24)),
         )  # fmt: skip
-        found.append(core.triangulate(other, camera_sees(point), projector_sees(point)).xyz_mm)
+        moved.append(core.triangulate(other, camera_sees(point), projector_sees(point)).xyz_mm)
+    there, back = np.split(np.array(moved), 2)
     for k in range(3):
-        seen = np.cov(np.array(found)[:, k].T)
+        slope = (there - back)[:, k] / 2
+        seen = slope.T @ slope
         by_calibration = told.covariance_mm2[k] - exact.covariance_mm2[k]
-        # 800 repetitions: variances to 5 %, four sigmas
-        assert np.allclose(by_calibration, seen, rtol=0.2, atol=0.2 * np.trace(seen))
+        assert np.allclose(by_calibration, seen, rtol=0.01, atol=0.001 * np.trace(seen))
 
 
 @pytest.fixture(scope="module")
 def chessboard():
     """Its corners, and where camera and projector see them, with noise of 0.03 px and 0.05 lines."""
     rng = np.random.default_rng(7)
-    x, y = np.meshgrid(np.linspace(-130, 130, 11), np.linspace(-100, 100, 9))
+    x, y = np.meshgrid(np.linspace(-130, 130, 9), np.linspace(-100, 100, 7))
     board = np.column_stack([x.ravel(), y.ravel()])
     seen, lit = [], []
     sigma_px, sigma_lines = 0.03, 0.05
-    for k in range(14):
+    for k in range(10):
         roll = (k % 4) * np.pi / 2
         tilt = 0.5 * np.array([np.cos(1.7 * k), np.sin(1.7 * k), 0]) if k else np.zeros(3)
         R = matrix_from_rotation_vector(tilt) @ matrix_from_rotation_vector([0, 0, roll])
@@ -196,7 +196,7 @@ def chessboard():
     return board, seen, lit
 
 
-DIAGONAL = 0, 98, float(np.hypot(260, 200)), 0.001
+DIAGONAL = 0, 62, float(np.hypot(260, 200)), 0.001
 
 
 def calibrated(board, seen, lit, length=DIAGONAL):
@@ -223,7 +223,7 @@ def test_points_of_a_chessboard_calibrate_camera_and_projector(chessboard):
 
 def test_calibrations_are_judged_and_mirrored_images_named(chessboard):
     board, seen, lit = chessboard
-    twice = calibrated(board, seen, lit, length=(0, 98, 656.0, 0.01)).verdict
+    twice = calibrated(board, seen, lit, length=(0, 62, 656.0, 0.01)).verdict
     assert (twice.state, "lengths disagree" in twice.because[0]) == ("failed", True)
     upwards = [[1, -1] * uv + [0, PROJECTOR.height - 1] for uv in lit]
     with pytest.raises(
