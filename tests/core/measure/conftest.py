@@ -181,6 +181,7 @@ def look(tilt_deg=0.0, about_deg=0.0, roll_deg=0.0, distance=600.0, shift=(0.0, 
 
 
 SPEC = DeviceSpec(748, 576, (0.008, 0.008), 12.0)
+PART = DeviceSpec(440, 360, (0.008, 0.008), 12.0)  # of the same sensor, as large as 7 x 9 dots need
 PAPER = Interior(
     12.102765,
     -0.081293,
@@ -212,7 +213,7 @@ class Bench:
 
     scene, grid, look = staticmethod(scene), staticmethod(grid), staticmethod(look)
     compare, true_projector = staticmethod(compare), staticmethod(true_projector)
-    spec, paper, interior = SPEC, PAPER, Interior
+    spec, part, paper, interior = SPEC, PART, PAPER, Interior
     corners = ((0, 0), (0, 18), (12, 18), (12, 0))
     middle = ((4, 6), (4, 12), (8, 12), (8, 6))
 

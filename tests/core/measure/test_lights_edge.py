@@ -83,7 +83,7 @@ def test_gradients_of_a_known_map_despite_wrong_coordinates():
 
 
 def test_the_four_coordinates_covary_as_repeated_images_do(bench):
-    truth = bench.scene(bench.look(20, 30, 10), field=bench.grid(7, 9), samples=4)
+    truth = bench.scene(bench.look(20, 30, 10), bench.part, field=bench.grid(7, 9), samples=4)
     clean, phase = truth.image(bits=False), truth.phase(bits=False)
     seeds = truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2)))
     rng, found = np.random.default_rng(3), []

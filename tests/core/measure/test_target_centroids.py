@@ -16,7 +16,9 @@ from core.model import DeviceSpec, PhaseMap, Seed, Testfield
 def test_centroids_are_within_two_hundredths_of_a_pixel(bench, diameter_mm, tilt_deg, blur_px):
     # 0.02 px r.m.s. is what this project demands of itself at the published noise of 2 grey values
     field = bench.grid(7, 9, pitch=max(14.0, 2.2 * diameter_mm), diameter=diameter_mm)
-    truth = bench.scene(bench.look(tilt_deg, 30, 200, 620), field=field, blur=blur_px, noise=2.0, off_mm=0.1)
+    truth = bench.scene(
+        bench.look(tilt_deg, 30, 200, 620), bench.part, field=field, blur=blur_px, noise=2.0, off_mm=0.1
+    )
     found = measure_targets(truth.phase(), field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec)
     which, error = bench.compare(found, truth)
     assert len(which) > 0.9 * np.sum(_inside(truth, 15))
@@ -25,7 +27,7 @@ def test_centroids_are_within_two_hundredths_of_a_pixel(bench, diameter_mm, tilt
 
 
 def test_predicted_covariance_is_the_scatter_of_repeated_images(bench):
-    truth = bench.scene(bench.look(30, 40, 10), field=bench.grid(7, 9), samples=4)
+    truth = bench.scene(bench.look(30, 40, 10), bench.part, field=bench.grid(7, 9), samples=4)
     clean, phase = truth.image(bits=False), truth.phase(bits=False)
     seeds = truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2)))
     rng = np.random.default_rng(1)
@@ -43,7 +45,9 @@ def test_predicted_covariance_is_the_scatter_of_repeated_images(bench):
 def test_errors_over_predicted_sigmas_are_near_one(bench):
     squares = []
     for k, tilt in enumerate((0, 20, 40)):
-        truth = bench.scene(bench.look(tilt, 77 * k, 50 * k), field=bench.grid(7, 9), noise=3.0, samples=5, seed=k)
+        truth = bench.scene(
+            bench.look(tilt, 77 * k, 50 * k), bench.part, field=bench.grid(7, 9), noise=3.0, samples=5, seed=k
+        )
         found = measure_targets(truth.phase(k), truth.field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec)
         _, error = bench.compare(found, truth)
         squares.append(np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.camera_cov), error) / 2)
@@ -53,7 +57,7 @@ def test_errors_over_predicted_sigmas_are_near_one(bench):
 
 def test_dark_dots_are_as_good_as_bright_ones(bench):
     for polarity in ("white-on-black", "black-on-white"):
-        truth = bench.scene(bench.look(25, 10, 0), field=bench.grid(7, 9, polarity=polarity), noise=2.0)
+        truth = bench.scene(bench.look(25, 10, 0), bench.part, field=bench.grid(7, 9, polarity=polarity), noise=2.0)
         found = measure_targets(truth.phase(), truth.field, truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2))), truth.spec)
         which, error = bench.compare(found, truth)
         assert len(which) == 63
@@ -93,7 +97,7 @@ def test_diameters_are_those_of_the_projected_circles(bench):
 
 def test_where_in_its_pixel_a_dot_lies_hardly_matters(bench):
     """Sharp discs without noise: what is left is the pixels' doing, and the drawing's."""
-    truth = bench.scene(bench.look(30, 0, 7), field=bench.grid(7, 9), blur=0.35, samples=10)
+    truth = bench.scene(bench.look(30, 0, 7), bench.part, field=bench.grid(7, 9), blur=0.35, samples=10)
     seeds = truth.seeds(((1, 2), (1, 6), (5, 6), (5, 2)))
     found = measure_targets(truth.phase(bits=False), truth.field, seeds, truth.spec)
     found = recentred(found, truth.field, truth.spec, truth.interior, truth.pose)
