@@ -17,6 +17,7 @@ from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the commands do: its threads would only spin beside our own
 
+import cv2
 import pytest
 
 from core.bench.scenarios import _PLANS, plan
@@ -24,6 +25,7 @@ from core.pipeline import calibrate_project, simulate_project, update_project
 from core.project import read_project
 from tests.copies import copied, stamps, written_into
 
+cv2.setNumThreads(1)  # small images, and a processor that others share: its threads would spin as well
 gc.set_threshold(20_000)  # as the commands do: among so many objects the search for garbage takes a fiftieth of the run
 
 Make = Callable[[Path], Any]
