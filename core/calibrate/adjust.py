@@ -42,7 +42,7 @@ from core.calibrate.solve import (
     solve,
 )
 from core.calibrate.state import State
-from core.calibrate.weakness import BehindError, MirroredError, behind_warning, geometry_warnings, usual_variance
+from core.calibrate.weakness import MirroredError, PointsError, behind_warning, geometry_warnings, usual_variance
 from core.errors import AdjustmentError
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Network
@@ -254,8 +254,8 @@ def _solve_despite(
 ) -> tuple[Solved, int, Warnings]:
     """Solve, where gross errors lead least squares astray from a robust solution or, if rejecting, without them.
 
-    Few points that would have to lie behind a device are left out first, in so many passes. Also gives how many
-    observations were left out, and names the points and stations left out with them.
+    Points that would have to lie behind a device, or are seen from one place only, are left out first, in so many
+    passes. Also gives how many observations were left out, and names the points and stations left out with them.
     """
     network, problem = start.network, start.problem
     try:
@@ -263,7 +263,7 @@ def _solve_despite(
     except SettledError:
         raise
     except AdjustmentError as failure:
-        if isinstance(failure, BehindError) and passes:
+        if isinstance(failure, PointsError) and passes:
             bad = np.flatnonzero(np.isin(problem.point, failure.points))
             smaller, rest, state, warnings = without(network, problem, failure.state, bad)
             solved, lost, more = _solve_despite(_Start(smaller, rest, state), options, progress, passes - 1)

@@ -29,6 +29,7 @@ LEAST_CONVERGENT = 3
 LEAST_IMAGES = 6  # fewer leave hardly any redundancy to tell a device's parameters from its stations
 AT_CENTRE = 1e-4  # of the median distance from a device
 FEW = 0.01  # of all points, which their images may confuse
+ONE_PLACE, MANY = 1e-3, 0.3  # rad, between rays of a point from one place; of all points: more are not to blame
 CORNER = 0.25  # share of width and of height that makes a corner of the image
 
 ORIENTATION = ("rx", "ry", "rz", "tx", "ty", "tz")
@@ -196,14 +197,11 @@ def _loose_stations(network: Network, problem: Problem, poses: list[int]) -> Adj
     )
 
 
-class BehindError(AdjustmentError):
-    """Few points keep a network from being solved: their numbers, and where its unknowns stood."""
+class PointsError(AdjustmentError):
+    """Points keep a network from being solved: their numbers, and where its unknowns stood."""
 
-    def __init__(self, network: Network, points: Ints, state: State) -> None:
-        names = listed([network.point_names[i] for i in points])
-        super().__init__(
-            f"point {names}", "rays meet behind a device, not before it", "check identities, or leave it out"
-        )
+    def __init__(self, network: Network, points: Ints, state: State, seen: str, remedy: str) -> None:
+        super().__init__(f"point {listed([network.point_names[i] for i in points])}", seen, remedy)
         self.points, self.state = points, state
 
 
@@ -223,10 +221,30 @@ def points_behind(problem: Problem, state: State) -> Ints:
     return behind if len(behind) <= FEW * problem.points else behind[:0]
 
 
+def points_from_one_place(problem: Problem, state: State) -> Ints:
+    """Points, numbered as in the problem, whose rays all come from one place: nothing tells how far away they are.
+
+    None where there are many: then these are not to blame.
+    """
+    R, t = poses_in_devices(problem, state)
+    rays = np.einsum("mij,mj->mi", R, state.xyz[problem.point]) + t  # in devices
+    rays = np.einsum("mji,mj->mi", R, rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    mean = np.zeros_like(state.xyz)
+    np.add.at(mean, problem.point, rays)
+    count = np.bincount(problem.point, minlength=len(mean)).clip(1)
+    spread = 1 - np.sum(np.square(mean), axis=1) / count**2  # mean square of the angles to the middle ray, rad²
+    close = np.flatnonzero(spread < ONE_PLACE**2)
+    return close if len(close) <= MANY * problem.points else close[:0]
+
+
 def unsolved_error(network: Network, problem: Problem, error: NotConvergedError) -> AdjustmentError:
     """Why the iterations did not converge: what is not determined where they ended, or else their course."""
-    if len(behind := points_behind(problem, error.state)):
-        return BehindError(network, behind, error.state)
+    for find, seen, remedy in (
+        (points_behind, "rays meet behind a device, not before it", "check identities, or leave it out"),
+        (points_from_one_place, "seen from one place only", "add images from elsewhere, or leave it out"),
+    ):
+        if len(points := find(problem, error.state)):
+            return PointsError(network, points, error.state, seen, remedy)
     try:
         inverse = reduce(problem, error.state).invert(problem)
         _poor_parameters(problem, linearise(problem, error.state), inverse, 1.0)

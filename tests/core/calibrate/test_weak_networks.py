@@ -15,7 +15,7 @@ from core.calibrate.weakness import UndeterminedError, singular_error
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_axis_angle
 from core.model import Interior, NetworkScale
-from tests.core.calibrate.conftest import CAMERA
+from tests.core.calibrate.conftest import CAMERA, camera_poses
 
 
 def with_rows(network, keep):
@@ -74,6 +74,23 @@ def test_a_point_with_one_ray_is_left_out_and_named(simulate):
     adjustment = adjust(with_rows(network, keep))
     assert "P20" not in adjustment.network.point_names
     assert any("two rays" in w and "P20" in w for w in adjustment.warnings)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_points_seen_from_one_place_only_are_left_out_and_named(simulate, seed):
+    """By two images of one station, rolled: how far away the points are is open, and no iteration ended."""
+    views = camera_poses(10, 600.0, 32.0, True, np.random.default_rng(seed))
+    rolled = Pose(matrix_from_axis_angle([0, 0, 1], np.pi / 2)) @ views[-1]
+    network = simulate(seed=seed, camera_poses_given=[*views, rolled], use=("camera",)).network
+    loose = np.isin(network.observation_point, [8, 19, 30])
+    found = adjust(with_rows(network, ~loose | (network.observation_station >= 9)))
+    left_out = [w for w in found.warnings if w.startswith("left out")]
+    assert any("seen from one place only" in w for w in left_out)
+    assert all(any(name in w for w in left_out) for name in ("P8", "P19", "P30"))
+    without = adjust(with_rows(network, ~loose))
+    np.testing.assert_allclose(
+        found.devices["camera"].interior.vector, without.devices["camera"].interior.vector, atol=1e-6
+    )
 
 
 def test_a_station_with_three_points_is_left_out_and_named(simulate):
