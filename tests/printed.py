@@ -18,7 +18,7 @@ from core.pipeline import print_testfield
 SPEC = DeviceSpec(640, 480, (0.01, 0.01), 9.0)
 K = np.array([[900.0, 0, 318.2], [0, 900.0, 241.9], [0, 0, 1.0]])
 LENS = np.array([-0.1, 0.04, 1e-4, -2e-4, 0.0])
-PER_MM, FINE = 8, 3  # texels a mm; samples a pixel along one axis
+PER_MM, FINE = 8, 2  # texels a mm; samples a pixel along one axis
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,8 @@ def drawing(kind: str) -> np.ndarray:
 def sight_lines():
     v, u = (np.mgrid[0 : SPEC.height * FINE, 0 : SPEC.width * FINE] + 0.5) / FINE - 0.5
     rays = cv2.undistortPoints(np.stack([u.ravel(), v.ravel()], 1)[:, None], K, LENS).reshape(-1, 2)
-    return u, v, np.column_stack([rays, np.ones(len(rays))])
+    light = 1 + 0.0008 * (u - 256) - 0.0006 * (v - 192)
+    return light.astype(np.float32), np.column_stack([rays, np.ones(len(rays))]).astype(np.float32)
 
 
 def photograph(kind: str, rng: np.random.Generator, tilt_deg: float, *, hidden: bool = False, blur: float = 0.6):
@@ -51,17 +52,17 @@ def photograph(kind: str, rng: np.random.Generator, tilt_deg: float, *, hidden: 
     turn = turn @ cv2.Rodrigues(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))[0]
     middle = np.array([(COLS - 1) / 2, (ROWS - 1) / 2, 0.0]) * SQUARE  # OpenCV's board: x right, y down, z away
     shift = np.array([*rng.uniform(-12, 12, 2), rng.uniform(430, 520)]) - turn @ middle
-    u, v, rays = sight_lines()
-    reach = (turn[:, 2] @ shift) / (rays @ turn[:, 2])
-    place = ((rays * reach[:, None] - shift) @ turn)[:, :2].reshape(*u.shape, 2).astype(np.float32)
-    at = (place / SQUARE + 1) * PX - 0.5
+    light, rays = sight_lines()
+    onto = turn.astype(np.float32)
+    reach = np.float32(turn[:, 2] @ shift) / (rays @ onto[:, 2])
+    place = (rays @ onto[:, :2] * reach[:, None] - np.float32(shift @ turn[:, :2])).reshape(*light.shape, 2)
+    at = (place / np.float32(SQUARE) + 1) * PX - np.float32(0.5)
     albedo = cv2.remap(
         drawing(kind), at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0.6
     )
     if hidden:  # a hand over a quarter of the board, corner and all
         x, y = rng.choice([-1, 1], 2)
         albedo[(x * (place[..., 0] - middle[0]) > 0) & (y * (place[..., 1] - middle[1]) > 0)] = 0.3
-    light = 1 + 0.0008 * (u - 256) - 0.0006 * (v - 192)
     image = (15 + 150 * albedo * light).reshape(SPEC.height, FINE, SPEC.width, FINE).mean(axis=(1, 3))
     image = cv2.GaussianBlur(image, (0, 0), blur)
     image = np.rint(image + rng.normal(0, 1.2, image.shape)).astype(np.float32)
