@@ -36,6 +36,7 @@ class Laboratory:
     plates: tuple[float, ...] = ()
     views: int = 10
     seed: int = 1
+    samples: int = 3  # of every pixel, each way
 
     def patterns(self, projector: str) -> list[dict[str, Any]]:
         p = self.projectors[projector]
@@ -113,7 +114,7 @@ class Laboratory:
         (folder / "capture.json").write_text(json.dumps(head | what | {"frames": frames}))
 
     def seen(self, surface: Surface, camera: str) -> Seen:
-        return Seen(self.cameras[camera], surface, self.sensor)
+        return Seen(self.cameras[camera], surface, self.sensor, self.samples)
 
     @property
     def single(self) -> bool:

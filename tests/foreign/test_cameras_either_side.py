@@ -31,7 +31,7 @@ def laboratory() -> Laboratory:
         for name, x, y, roll in (("left", -255.0, 4.0, 0.8), ("right", 255.0, -6.0, -1.1))
     }
     shine = optics(640, 400, 0.009, 14.0, looking(np.zeros(3), target), (0.02, 0, 0, 0), (1.0, 5.0))
-    return Laboratory(cameras, {"projector": shine}, 600.0)
+    return Laboratory(cameras, {"projector": shine}, 600.0, samples=2)
 
 
 def device(one: Optics) -> AdjustedDevice:

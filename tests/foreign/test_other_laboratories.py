@@ -20,7 +20,7 @@ from tests.foreign.scoring import command, score
 
 def test_whole_road_under_a_gamma(tmp_path: Path) -> None:
     laboratory = consumer(gamma=1.8, scale=0.5)
-    laboratory = replace(laboratory, views=6, board=Board(soft_mm=0.3))
+    laboratory = replace(laboratory, views=6, board=Board(soft_mm=0.3), samples=2)
     found = score(laboratory, laboratory.write(tmp_path / "project", planes=(10.0,)))
     curves = [t.response for t in kept_targets(read_project(tmp_path / "project"))]
     half = [np.interp(0.5, *curve.T) for curve in curves if curve is not None]
