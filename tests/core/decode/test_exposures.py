@@ -131,7 +131,7 @@ def test_exposures_that_the_light_does_not_follow_are_refused(bench, judge, give
     times = [given(n) for n in range(len(PATTERNS))]
     b = replace(bench(height=60, blur=1.0), dark=0.5, shot=0.02)
     followed = [
-        replace(b, ambient=offset + 0.2 * ms, gain=4 * ms, seed=n).take(PATTERNS)[n] for n, ms in enumerate(times)
+        replace(b, ambient=offset + 0.2 * ms, gain=4 * ms, seed=n).take([PATTERNS[n]])[0] for n, ms in enumerate(times)
     ]
     assert judge(decode(PATTERNS, followed, lines=(N, N), exposures_ms=times), b.u, 8).valid > 0.9
     alike = replace(b, ambient=offset + 4, gain=80, seed=0).take(PATTERNS)
@@ -143,6 +143,8 @@ def test_frames_of_hardly_any_light_are_not_taken_for_wrong_exposures(bench) -> 
     """Of 10 and 20 ms they show the camera's offset and noise, and 3 grey values of stripes at most."""
     times = [20.0 if use_of(p) == "phase" else 10.0 for p in PATTERNS]
     b = replace(bench(height=60), dark=0.5, shot=0.02)
-    images = [replace(b, ambient=8 + 0.02 * ms, gain=0.15 * ms, seed=n).take(PATTERNS)[n] for n, ms in enumerate(times)]
+    images = [
+        replace(b, ambient=8 + 0.02 * ms, gain=0.15 * ms, seed=n).take([PATTERNS[n]])[0] for n, ms in enumerate(times)
+    ]
     phase = decode(PATTERNS, images, lines=(N, N), exposures_ms=times)
     assert np.isfinite(phase.u).mean() < 0.01
