@@ -108,7 +108,7 @@ def test_images_from_scratch_by_keys_alone(operator: Operator, window, calibrate
     assert window.page.id == "calibrate"
     assert window.bench.session.statuses["measure"].state is State.DONE
     # an operator who needs a second for a key and five to look: 20 images in well under five minutes
-    assert len(per_image) == 4  # eight in test_operators_day
+    assert len(per_image) == 4
     assert np.mean(per_image) <= 4
     found = measured_now(operator.folder)
     original = {t.capture: t for t in kept_targets(read_project(calibrated_original))}
