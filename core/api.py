@@ -4,6 +4,9 @@ Pixel coordinates are ``(u, v)``: u right, v down, the centre of the first pixel
 OpenCV. A device's frame has X right and Y *up*, and the device looks along *-Z*. OpenCV's has Y down and Z forward:
 ``X_opencv = diag(1, -1, -1) X``, which is its own inverse; ``resources/help/formats.md`` shows both in a picture.
 Lengths are mm.
+
+While the core works its own threads use the processors, and the linear algebra of NumPy and SciPy has one thread; set
+OPENBLAS_NUM_THREADS before NumPy is imported to choose otherwise.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, cast
 from weakref import finalize
 
+from core.algebra import end_workers, one_thread
 from core.errors import StripeError
 from core.progress import Progress
 
@@ -98,6 +99,7 @@ def can_fork(count: int) -> bool:
         _pool.cache_clear()  # so that they end: only this thread could have given them work
         for thread in others:
             thread.join(1.0)
+        end_workers()
         _end_workers_of_opencv()
     with suppress(OSError):  # no Linux
         for _ in range(20):
@@ -223,6 +225,7 @@ def _end_copy(process: int, copy: int, file: BinaryIO) -> None:
 def _alone() -> None:
     """Use one thread, in a copy of a process that uses all processors."""
     limit_threads(1)
+    one_thread()
     if "cv2" in sys.modules:
         sys.modules["cv2"].setNumThreads(1)
 

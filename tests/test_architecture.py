@@ -19,6 +19,7 @@ GROUND = {
     "atomic",
     "progress",
     "fields",
+    "algebra",
     "parallel",
     "compiling",
     "numerics",
@@ -31,7 +32,8 @@ ALLOWED = {
     "atomic": {"errors"},
     "progress": {"errors"},
     "fields": {"errors"},
-    "parallel": {"errors", "progress"},
+    "algebra": set(),
+    "parallel": {"algebra", "errors", "progress"},
     "numerics": {"compiling"},
     "lazy": set(),  # which every room may import
     "resources": set(),

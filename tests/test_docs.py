@@ -101,6 +101,7 @@ def test_every_room_is_in_the_reference() -> None:
         "fields",
         "atomic",
         "parallel",
+        "algebra",
         "compiling",
         "lazy",
         "starting",

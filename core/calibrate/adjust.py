@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from core.algebra import on_own_threads
 from core.calibrate.columns import without_unobservable
 from core.calibrate.datum import check_known
 from core.calibrate.equations import cost_of
@@ -73,6 +74,7 @@ class _Start:
         return robust_state(self.problem, self.state)
 
 
+@on_own_threads()
 def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Progress = SILENT) -> Adjustment:
     """Adjust a network as a free bundle.
 
@@ -91,6 +93,7 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
     return result_of(solved, warnings)
 
 
+@on_own_threads()
 def solve_network(
     network: Network, options: AdjustOptions, progress: Progress = SILENT, near: Solved | None = None
 ) -> tuple[Solved, Warnings]:

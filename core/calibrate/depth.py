@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.algebra import on_own_threads
 from core.calibrate.depth_camera import PlateCamera, TargetPlane, orient_camera
 from core.calibrate.depth_curves import Curves, fit_curves
 from core.calibrate.depth_smooth import smooth_maps
@@ -58,6 +59,7 @@ class DepthOptions:
     low_pass_px: float = 2.0
 
 
+@on_own_threads()
 def calibrate_depth(
     camera: DeviceSpec,
     testfield: Testfield | None,

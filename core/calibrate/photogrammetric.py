@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.algebra import on_own_threads
 from core.calibrate.adjust import explained, solve_network
 from core.calibrate.network import network_from_targets
 from core.calibrate.parted import parted
@@ -39,6 +40,7 @@ CHANGED = (
 )
 
 
+@on_own_threads()
 def calibrate_photogrammetric(
     rig: Rig,
     testfield: Testfield,

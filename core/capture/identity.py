@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from core.algebra import on_own_threads
 from core.capture.contradictions import Looked, unexplained
 from core.capture.lookup import (
     CONTRADICTION,
@@ -48,6 +49,7 @@ FINE = 0.25  # of the lines: longer periods are not seen whole
 SCATTERED = 0.8  # of the pixels: so many contradict where light is scattered, which moves the levels at edges, too
 
 
+@on_own_threads()
 def identity(plan: Plan, sampled: Sampled, lines: tuple[int, int]) -> list[Finding]:
     """See that every shot shows its pattern, in a finding for the plain frames and one for each axis.
 

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.algebra import on_own_threads
 from core.capture.beside import beside_code
 from core.capture.contradictions import PIXELS, Looked
 from core.capture.exchanged import exchanged_frames
@@ -65,6 +66,7 @@ DOUBLED, FAR, THIN = 0.03, 0.05, 8000  # of squared differences, those that are 
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 
 
+@on_own_threads()
 def check_stored(
     capture: Capture, images: Sequence[NDArray], phase: PhaseMap | None, lines: tuple[int, int]
 ) -> list[Finding]:

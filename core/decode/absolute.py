@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from core.algebra import on_own_threads
 from core.decode.agreement import contradiction, refuse_open_orders, widen
 from core.decode.camera import TONE, unbend
 from core.decode.chosen import spread
@@ -57,6 +58,7 @@ MOST = 0.5  # part of the coordinates lost to contradictions, from which it is o
 BLOCK = 1 << 28  # grey values decoded between two looks at `progress`
 
 
+@on_own_threads()
 def decode(
     patterns: Sequence[Pattern],
     images: Sequence[Image],

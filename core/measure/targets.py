@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.algebra import on_own_threads
 from core.errors import InputError
 from core.measure.board import board_from_testfield
 from core.measure.defocus import LIGHT, WIDE, widening
@@ -27,6 +28,7 @@ RIM_BLURS = 4.0  # from a dot's edge to where its light changes by less than noi
 ROUGH = 2.0  # times that of four pixels: with a greater sigma a dot is decoded wrongly towards its rim
 
 
+@on_own_threads()
 def measure_targets(
     phase: PhaseMap,
     testfield: Testfield,

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.algebra import on_own_threads
 from core.errors import AdjustmentError, InputError, TooLittleSeenError
 from core.geometry import pair_for, perturbed
 from core.lazy import dataclass
@@ -82,6 +83,7 @@ class _Judged:
     stretch: float
 
 
+@on_own_threads()
 def find_motion(
     phase: PhaseMap,
     calibration: PhotogrammetricCalibration | Pair,

@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.algebra import on_own_threads
 from core.errors import InputError, NoCoordinateError
 from core.geometry import project, ray_directions
 from core.lazy import dataclass
@@ -167,6 +168,7 @@ def _in_common(parts: Sequence[Sequence[Array]], variance: Array) -> list[Array]
     return [(w * r).sum(axis=0) / total, (w * J).sum(axis=0) / total, -(total**2) / (1 / label + total)]
 
 
+@on_own_threads()
 def intersect_all(
     phases: Sequence[PhaseMap],
     calibration: PhotogrammetricCalibration,
