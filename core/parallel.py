@@ -92,7 +92,7 @@ def can_fork(count: int) -> bool:
     A copy of a process has none of its threads, and locks that they held are never released: only a process of a single
     thread is copied, as most commands are. The window's, a test's or a Dask worker's is not.
     """
-    if not FEWEST <= count < _AT_ONCE or THREADS < 2:
+    if sys.platform != "linux" or not FEWEST <= count < _AT_ONCE or THREADS < 2:
         return False
     others = [thread for thread in threading.enumerate() if thread is not threading.current_thread()]
     if all(thread.name.startswith("bands") for thread in others):
@@ -101,7 +101,7 @@ def can_fork(count: int) -> bool:
             thread.join(1.0)
         end_workers()
         _end_workers_of_opencv()
-    with suppress(OSError):  # no Linux
+    with suppress(OSError):  # /proc may be hidden
         for _ in range(20):
             # its number is exact; a list of /proc/self/task lacks threads where one ends meanwhile
             if re.search(rb"^Threads:\s*1$", Path("/proc/self/status").read_bytes(), re.MULTILINE):
