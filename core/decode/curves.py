@@ -65,8 +65,12 @@ def light_of(parameters: Array) -> Array:
 
 def light_at(table: Array, level: Array) -> Array:
     """Light at any levels (0 to 1) of a curve tabulated at `LEVELS`."""
-    psi = np.arccos(np.clip(1 - 2 * np.asarray(level, float), -1, 1)) * (NODES / np.pi)
-    return np.asarray(np.interp(psi, np.arange(NODES + 1), table))
+    return np.asarray(np.interp(_places(level), np.arange(NODES + 1), table))
+
+
+def _places(level: Array) -> Array:
+    """Where levels lie among `LEVELS`."""
+    return np.asarray(np.arccos(np.clip(1 - 2 * np.asarray(level, float), -1, 1)) * (NODES / np.pi))
 
 
 def waves(patterns: Sequence[Pattern], period: float, table: Array) -> Waves:
@@ -85,13 +89,20 @@ def _waves(patterns: tuple[Pattern, ...], period: float, curve: bytes) -> Waves:
     lines = round(period)
     square = any(use_of(p) == "phase" and grey_reason(p) is None for p in patterns)
     if (period <= DISCRETE or square) and abs(period - lines) < 1e-6:
-        places = np.arange(lines)
-        light = np.array([light_at(table, brightness(p, places)) for p in patterns])
-        terms = light @ np.exp(-2j * np.pi * np.outer(places + 0.5, m) / period) / period
-        return _fixed(np.asarray(terms * np.sinc(m / period), complex))
+        places, terms = _of_lines(patterns, period)
+        return _fixed(np.asarray(np.interp(places, np.arange(NODES + 1), table) @ terms, complex))
     even = _cosines() @ table * np.sinc(m / period)
     shift = np.array([getattr(p, "shift_rad", 0.0) for p in patterns])
     return _fixed(np.asarray(even * np.exp(-1j * np.outer(shift, m)), complex))
+
+
+@lru_cache(maxsize=32)
+def _of_lines(patterns: tuple[Pattern, ...], period: float) -> tuple[Array, Waves]:
+    """Where among `LEVELS` whole lines of a period are, (frames, lines), and what leads from their light to terms."""
+    lines, m = np.arange(round(period)), np.arange(HIGHEST + 1)
+    turned = np.exp(-2j * np.pi * np.outer(lines + 0.5, m) / period)
+    terms = np.asarray(turned * (np.sinc(m / period) / period), complex)
+    return _places(np.array([brightness(p, lines) for p in patterns])), terms
 
 
 def _fixed(terms: Waves) -> Waves:
