@@ -187,6 +187,26 @@ def _wrong(c: PhotogrammetricCalibration, change: np.ndarray) -> Photogrammetric
     return calibration_of_pair(cam, proj, pose, np.zeros((24, 24)))
 
 
+def test_errors_of_the_calibration_scatter_the_points_as_their_sigma_says(make_rig, without) -> None:
+    rng = np.random.default_rng(7)
+    covariance = _covariance(rng)
+    rig = make_rig(covariance=covariance)
+    points = rig.plane()
+    phase = rig.phase(points, sigma=1e-4)  # next to no noise: the calibration's part alone
+    c = rig.calibration
+    draws = 200
+    for drop in (None, "v"):
+        observed = phase if drop is None else without(phase, drop)
+        told = reconstruct(observed, c).sigma_mm
+        squares = np.zeros(points.shape)
+        for change in rng.multivariate_normal(np.zeros(24), covariance, draws):
+            squares += (reconstruct(observed, _wrong(c, change)).xyz_mm - points) ** 2
+        ratio = np.sqrt(squares / draws) / told
+        # a standard deviation from 200 draws is itself known to 5 %, and neighbouring pixels share their error
+        assert np.nanmin(ratio) > 0.84
+        assert np.nanmax(ratio) < 1.16
+
+
 def test_the_sigma_table_repeats_the_covariance_propagated_at_every_pixel(make_rig, without) -> None:
     rng = np.random.default_rng(8)
     # as it is, and with distortion that no board ever reached: towards the edges sigmas grow a hundredfold
