@@ -62,10 +62,9 @@ def outcome(project: Project, name: str, projector: str, camera: str) -> str:
     return "right"
 
 
-def single_link(profile: str, fault: str, *at: int) -> Case:
-    """One fault of the line at one command, or at several that have nothing to do with each other."""
-    faults = ",".join(f"{fault}@{k}" for k in at)
-    return fault, f"emulated:flat?profile={profile}&{QUICK}&faults={faults}&fault_seed={at[0]}", "virtual:flat"
+def single_link(profile: str, fault: str, at: int) -> Case:
+    """One fault of the line at one command."""
+    return fault, f"emulated:flat?profile={profile}&{QUICK}&faults={fault}@{at}&fault_seed={at}", "virtual:flat"
 
 
 def many(seed: int) -> Case:

@@ -22,10 +22,10 @@ def project(tmp_path: Path) -> Project:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("fault", LINK_FAULTS)
 def test_a_single_fault_anywhere_in_a_capture_is_overcome(project: Project, profile: str, fault: str) -> None:
-    """One in 41 commands: the first is long overcome at the next."""
     offset = list(LINK_FAULTS).index(fault)
-    _, projector, camera = single_link(profile, fault, *range(offset, COMMANDS[profile], 41))
-    assert outcome(project, "a", projector, camera) == "right"
+    for at in range(offset, COMMANDS[profile], 41):
+        _, projector, camera = single_link(profile, fault, at)
+        assert outcome(project, f"at{at}", projector, camera) == "right"
 
 
 @pytest.mark.parametrize("at", [9, 60], ids=["while loading", "while stepping"])
