@@ -228,7 +228,8 @@ def points_from_one_place(problem: Problem, state: State) -> Ints:
     """
     R, t = poses_in_devices(problem, state)
     rays = np.einsum("mij,mj->mi", R, state.xyz[problem.point]) + t  # in devices
-    rays = np.einsum("mji,mj->mi", R, rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    away = np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = np.einsum("mji,mj->mi", R, rays / np.maximum(away, np.finfo(float).tiny))
     mean = np.zeros_like(state.xyz)
     np.add.at(mean, problem.point, rays)
     count = np.bincount(problem.point, minlength=len(mean)).clip(1)

@@ -63,7 +63,7 @@ def _undistorted(interior: Interior, measured: Array, tolerance_mm: float) -> Ar
     """Invert the lens for places (n, 2)."""
     bend, seen = LENSES[interior.model].distort, np.ascontiguousarray(measured.T)  # x and y each in a row
     xy = seen - [[interior.x0_mm], [interior.y0_mm]]
-    step, longest = np.full(len(measured), np.inf), np.inf
+    longest = np.inf
     with np.errstate(all="ignore"):
         for _ in range(20):
             there = bend(interior, xy.T).T
