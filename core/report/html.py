@@ -92,8 +92,7 @@ def _drawing(key: str, check: Finding) -> Drawing | None:
 
 
 def _curve(check: Finding) -> Figure:
-    figure = new_figure(HEIGHT_IN)
-    axes = figure.add_subplot()
+    figure, ((axes,),) = new_figure(HEIGHT_IN, left=0.9)
     x, y = np.array(check.curve).T
     axes.plot(x, y, color=CAMERA, marker="o", markersize=3.5, linewidth=1.2)
     axes.set_xlabel(check.axes[0])
@@ -105,11 +104,10 @@ def _curve(check: Finding) -> Figure:
 
 def _picture(check: Finding) -> Figure:
     assert check.picture is not None
-    figure = new_figure(HEIGHT_IN)
-    axes = figure.add_subplot()
+    figure, ((axes,),) = new_figure(HEIGHT_IN, left=0.1, right=1.0, bottom=0.15)
     image = axes.imshow(check.picture, cmap="viridis", interpolation="nearest")
     axes.set_xticks([])
     axes.set_yticks([])
     axes.set_anchor("W")  # where the sentence begins, the scale right beside it
-    colour_bar(figure, image, axes, check.picture_label, cax=axes.inset_axes((1.03, 0.0, 0.04, 1.0)))
+    colour_bar(image, axes.inset_axes((1.03, 0.0, 0.04, 1.0)), check.picture_label)
     return figure

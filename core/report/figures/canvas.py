@@ -14,14 +14,11 @@ from functools import cache
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
-from matplotlib.ft2font import FT2Font
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ft2font import FT2Font, LoadFlags
 from reportlab.pdfgen.canvas import Canvas
 
 from core.lazy import dataclass
@@ -29,6 +26,7 @@ from core.report.figures.strokes import Mark, draw_once
 
 NO_DATA = "#9aa1a9"
 WIDTH_IN = 8.4
+BAR_IN = 0.75  # for a colour scale below panels, with its numbers and label
 INK, MUTED, GRID, SURFACE = "#1b1f24", "#57606b", "#d5dae0", "#fefeff"
 CAMERA, PROJECTOR, THIRD = "#0b6bb5", "#b8480b", "#2f7d4f"  # distinct in lightness and hue for every colour vision
 FILL = "#8fb4d6"
@@ -116,18 +114,29 @@ def drawing_style() -> Iterator[None]:
         yield
 
 
-def new_figure(height_in: float) -> Figure:
-    """Make an empty figure that lays its parts out by itself."""
-    return Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+def new_figure(
+    height_in: float,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    left: float = 0.75,
+    right: float = 0.15,
+    top: float = 0.15,
+    bottom: float = 0.45,
+    across: float = 0.5,
+    down: float = 0.5,
+    **options: Any,
+) -> tuple[Figure, Any]:
+    """Make a figure and its panels, (rows, columns); around and between them are so many inches.
 
-
-def _settle(figure: Figure) -> None:
-    """Let the figure lay its parts out: savefig would draw all of it twice more to do so."""
-    engine = figure.get_layout_engine()
-    if isinstance(engine, ConstrainedLayoutEngine):
-        FigureCanvasAgg(figure)
-        engine.execute(figure)
-        figure.set_layout_engine("none")
+    Nothing of it is measured: to lay a figure out by the size of its texts takes as long as to draw it.
+    """
+    width = (WIDTH_IN - left - right - (columns - 1) * across) / columns
+    height = (height_in - top - bottom - (rows - 1) * down) / rows
+    figure = Figure(figsize=(WIDTH_IN, height_in))
+    places = {"left": left / WIDTH_IN, "right": 1 - right / WIDTH_IN, "wspace": across / width}
+    places |= {"bottom": bottom / height_in, "top": 1 - top / height_in, "hspace": down / height}
+    return figure, figure.subplots(rows, columns, squeeze=False, gridspec_kw=places, **options)
 
 
 def drawn(drawing: Drawing) -> Drawing:
@@ -139,7 +148,6 @@ def _strokes(drawing: Drawing) -> Drawn:
     figure = drawing.figure
     if isinstance(figure, Drawn):
         return figure
-    _settle(figure)
     svg, marks = draw_once(figure)
     return Drawn(drawing.size_in, _element(svg, drawing.key), marks)
 
@@ -194,17 +202,35 @@ def plain_axes(axes: Axes) -> None:
     axes.grid(True)
 
 
-def colour_bar(figure: Figure, image: ScalarMappable, axes: Any, label: str, **options: Any) -> None:
-    """Set the colour scale of an image beside the axes that show it, from the first to the last."""
-    shown = np.ravel(axes)
-    # the layout measures the scale anew for each of its axes: two corners span the same
-    bar = figure.colorbar(image, ax=[*dict.fromkeys((shown[0], shown[-1]))], **options)
-    for one in shown:
-        one.set_anchor(shown[0].get_anchor())  # which the scale has moved
+def colour_bar(image: ScalarMappable, axes: Axes, label: str, **options: Any) -> None:
+    """Set the colour scale of an image into axes of its own."""
+    figure = axes.get_figure()
+    assert isinstance(figure, Figure)
+    bar = figure.colorbar(image, cax=axes, **options)
     bar.set_label(label)
     bar.outline.set_edgecolor(MUTED)
     if bar.solids is not None:
         bar.solids.set_rasterized(True)  # as strokes its many cells would show seams
+
+
+def axes_below(figure: Figure) -> Axes:
+    """Add axes for a colour scale below all panels, which leave `BAR_IN` inches for it."""
+    height_in = figure.get_figheight()
+    return figure.add_axes((0.2, 0.46 / height_in, 0.6, 0.11 / height_in))
+
+
+def width_in(text: str, size_pt: float) -> float:
+    """Tell how wide a line of text is in the figures' font, in inches.
+
+    Examples
+    --------
+    >>> width_in("iiii", 8) < width_in("mm", 8) == width_in("mm", 16) / 2 < 0.25
+    True
+    """
+    font = _font()
+    font.set_size(100, 72)
+    font.set_text(text, flags=LoadFlags.NO_HINTING)  # whole pixels are too coarse
+    return float(font.get_width_height()[0]) / 64 / 100 * size_pt / 72
 
 
 def device_colour(index: int) -> str:
@@ -213,5 +239,10 @@ def device_colour(index: int) -> str:
 
 
 @cache
+def _font() -> FT2Font:
+    return FT2Font(font_manager.findfont("DejaVu Sans"))
+
+
+@cache
 def _characters() -> frozenset[int]:
-    return frozenset(FT2Font(font_manager.findfont("DejaVu Sans")).get_charmap())
+    return frozenset(_font().get_charmap())

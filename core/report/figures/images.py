@@ -78,14 +78,15 @@ def _observations(adjustment: Adjustment, name: str) -> tuple[Array, Array]:
     return uv[whole], residuals[whole]
 
 
-def _panels(adjustment: Adjustment, names: list[str], extra_in: float) -> tuple[Figure, list[Axes]]:
-    """One panel per device in the shape of its image, at most two in a row."""
-    across = min(len(names), 2)
-    down = ceil(len(names) / across)
+def _panels(adjustment: Adjustment, names: list[str], top_in: float) -> tuple[Figure, list[Axes]]:
+    """One panel per device in the shape of its image, at most two in a row, with so much room above each."""
+    columns = min(len(names), 2)
+    rows = ceil(len(names) / columns)
     shape = max(adjustment.devices[n].spec.height / adjustment.devices[n].spec.width for n in names)
-    width = WIDTH_IN / across - 0.6
-    figure = new_figure(min(down * (width * shape + extra_in), 11.0))
-    panels = figure.subplots(down, across, squeeze=False).ravel()
+    width = WIDTH_IN / columns - 0.75
+    height = min(rows * (width * shape + top_in + 0.5), 11.0)
+    figure, panels = new_figure(height, rows, columns, right=0.05, top=top_in, across=0.75, down=top_in + 0.5)
+    panels = panels.ravel()
     for unused in panels[len(names) :]:
         unused.set_axis_off()
     return figure, list(panels[: len(names)])
@@ -103,7 +104,7 @@ def _image_frame(axes: Axes, spec: DeviceSpec, name: str) -> None:
 
 
 def _residual_vectors(adjustment: Adjustment, names: list[str]) -> Drawing:
-    figure, panels = _panels(adjustment, names, 1.0)
+    figure, panels = _panels(adjustment, names, 0.5)
     told = []
     for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
         spec = adjustment.devices[name].spec
@@ -157,7 +158,7 @@ def _scale_arrow(axes: Axes, factor: float, spec: DeviceSpec) -> None:
 
 
 def _coverage(adjustment: Adjustment, names: list[str]) -> Drawing:
-    figure, panels = _panels(adjustment, names, 0.75)
+    figure, panels = _panels(adjustment, names, 0.25)
     told = []
     for axes, name in zip(panels, names, strict=True):
         spec = adjustment.devices[name].spec

@@ -13,6 +13,7 @@ from core.report.data import ReportData
 from core.report.figures.canvas import (
     GRID,
     MUTED,
+    WIDTH_IN,
     Drawing,
     colour_bar,
     device_colour,
@@ -20,10 +21,12 @@ from core.report.figures.canvas import (
     new_figure,
     plain_axes,
     shortened,
+    width_in,
 )
 
 LEGEND = 4  # entries side by side
 MARKERS = ("o", "s", "^", "D", "v", "P")
+SCALE_IN = 1.1  # for the colour scale beside a matrix
 STRONG = 0.7  # a correlation from here on is written into its cell
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -58,9 +61,10 @@ def _network(adjustment: Adjustment) -> Drawing:
     margin = 0.08 * max(float((high - low).max()), 1.0)
     low, high = low - margin, high + margin
     rows = -(-(len(adjustment.devices) + 1) // LEGEND)
-    height = 3.5 * (high - low)[1:].max() / (high - low)[0] + 0.8 + 0.2 * rows
-    figure = new_figure(float(np.clip(height, 2.6, 7.0)))
-    axes = figure.subplots(1, 2)
+    top = 0.4 + 0.17 * rows
+    height = 3.4 * (high - low)[1:].max() / (high - low)[0] + 0.45 + top
+    figure, panels = new_figure(float(np.clip(height, 2.6, 7.0)), 1, 2, top=top, across=0.8)
+    axes = panels[0]
     views = ((0, 1, "from above (along Z)"), (0, 2, "from the side (along Y)"))
     for panel, (i, j, title) in zip(axes, views, strict=True):
         _view(panel, adjustment, centres[:, [i, j]], looking[:, [i, j]] * 0.3 * reach, points[:, [i, j]])
@@ -68,7 +72,7 @@ def _network(adjustment: Adjustment) -> Drawing:
         panel.set(xlabel=f"{'XYZ'[i]} in mm", ylabel=f"{'XYZ'[j]} in mm")
         panel.set_title(title, loc="left")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=LEGEND)
+    figure.legend(handles, labels, loc="upper center", ncols=LEGEND)
     caption = (
         "Projection centres of all stations, the object points and, as a stroke from each centre, where the device "
         "looks. A strong network has centres on all sides of the field, so that rays cross at large angles; centres in "
@@ -99,8 +103,7 @@ def _view(axes: Axes, adjustment: Adjustment, centres: Array, strokes: Array, po
 def _convergence(adjustment: Adjustment) -> Drawing:
     values = np.asarray(adjustment.convergence, dtype=np.float64)
     values = values[np.isfinite(values)]
-    figure = new_figure(2.6)
-    axes = figure.subplots()
+    figure, ((axes,),) = new_figure(2.6)
     plain_axes(axes)
     steps = np.arange(len(values))
     axes.plot(steps, values, "o-", color=device_colour(0), lw=1.3, ms=4)
@@ -140,11 +143,15 @@ def _powers(text: str) -> str:
 
 def _correlations(found: Correlations) -> Drawing:
     correlation, names, n = found.values, found.names, len(found.names)
-    figure = new_figure(min(max(3.0, 0.27 * n + 1.0), 8.4))
-    axes = figure.subplots()
-    image = axes.imshow(correlation, cmap=colormaps["RdBu_r"], vmin=-1, vmax=1, interpolation="none")
     labels = [drawable(name) for name in names]
     size = float(np.clip(180 / n, 3.5, 8.0))
+    beside = 0.1 + max(width_in(label, size) for label in labels)
+    side = min(max(2.0, 0.27 * n), WIDTH_IN - beside - SCALE_IN)
+    left = (WIDTH_IN + beside - side - SCALE_IN) / 2
+    figure, ((axes,),) = new_figure(
+        side + beside + 0.05, left=left, right=WIDTH_IN - left - side, top=0.05, bottom=beside
+    )
+    image = axes.imshow(correlation, cmap=colormaps["RdBu_r"], vmin=-1, vmax=1, interpolation="none")
     axes.set_xticks(range(n), labels, rotation=90, fontsize=size)
     axes.set_yticks(range(n), labels, fontsize=size)
     axes.tick_params(length=0)
@@ -155,7 +162,7 @@ def _correlations(found: Correlations) -> Drawing:
         text = f"{100 * correlation[i, j]:.0f}"
 
         axes.text(j, i, text, ha="center", va="center", fontsize=size * 0.85, color="#ffffff", in_layout=False)
-    colour_bar(figure, image, axes, "correlation", shrink=0.7, aspect=30)
+    colour_bar(image, axes.inset_axes((1.05, 0.15, 0.023, 0.7)), "correlation")
 
     strong = [(abs(correlation[i, j]), i, j) for i, j in zip(*np.nonzero(lower), strict=True)]
     told = "; ".join(f"{names[j]} with {names[i]} {correlation[i, j]:+.2f}" for _, i, j in sorted(strong)[:-6:-1])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from core.model import Method, PlaneEvaluation
 from core.report.data import ReportData, captures_in_order, finite_deviations
 from core.report.figures.canvas import (
+    BAR_IN,
     FILL,
     GRID,
     INK,
@@ -25,6 +26,7 @@ from core.report.figures.canvas import (
     PROJECTOR,
     WIDTH_IN,
     Drawing,
+    axes_below,
     colour_bar,
     drawable,
     new_figure,
@@ -75,6 +77,11 @@ def _rows(evaluations: Evaluations) -> dict[tuple[Method, str], str]:
     return {(method, by): f"{method}\n{drawable(shortened(by, 22))}" if several else method for method, by in found}
 
 
+def _lines(rows: Mapping[tuple[Method, str], str]) -> int:
+    """Count the lines in which each row is named."""
+    return 1 + max(label.count("\n") for label in rows.values())
+
+
 def _numbered(figures: list[Drawing]) -> list[Drawing]:
     """Number the figures that show one thing in several parts."""
     if len(figures) == 1:
@@ -103,9 +110,19 @@ def colour_limit_mm(evaluations: Evaluations) -> float:
 def _maps(captures: Captures, evaluations: Evaluations, limit_mm: float) -> Drawing:
     rows = _rows(evaluations)
     height, width = max(e.deviation_mm.shape for e in evaluations)
-    cell_in = (WIDTH_IN - 1.0) / max(len(captures), 2)
-    figure = new_figure(min(len(rows) * (cell_in * height / width + 0.45) + 0.75, 11.0))
-    axes = figure.subplots(len(rows), len(captures), squeeze=False)
+    named_in, title_in = 0.15 + 0.15 * _lines(rows), 0.3
+    cell_in = (WIDTH_IN - named_in) / max(len(captures), 2) - 0.1
+    figure, axes = new_figure(
+        min(len(rows) * (cell_in * height / width + title_in) + 0.15 + BAR_IN, 11.0),
+        len(rows),
+        len(captures),
+        left=named_in,
+        right=0.1,
+        top=0.15 + title_in,
+        bottom=BAR_IN,
+        across=0.1,
+        down=title_in,
+    )
     colours = colormaps["RdBu_r"].with_extremes(bad=NO_DATA)
     scale = Normalize(-limit_mm, limit_mm)
     for row, (of, label) in enumerate(rows.items()):
@@ -120,7 +137,7 @@ def _maps(captures: Captures, evaluations: Evaluations, limit_mm: float) -> Draw
     extend = "both" if beyond else "neither"
     mappable = ScalarMappable(scale, colours)
     label = "deviation from the fitted plane in mm (+ towards the camera)"
-    colour_bar(figure, mappable, axes, label, location="bottom", shrink=0.6, aspect=45, extend=extend)
+    colour_bar(mappable, axes_below(figure), label, orientation="horizontal", extend=extend)
     caption = (
         f"Deviations from the fitted plane, every panel a view through the camera, on one scale of ±{limit_mm:g} mm "
         f"({beyond:.2%} of the pixels lie beyond it). Even grain is noise of the phases; patches, waves and bent edges "
@@ -159,8 +176,18 @@ def _printed(values: NDArray[np.float32], most: int) -> NDArray[np.float32]:
 
 def _histograms(captures: Captures, evaluations: Evaluations, limit_mm: float) -> Drawing:
     rows = _rows(evaluations)
-    figure = new_figure(min(len(rows) * 1.75 + 0.7, 11.0))
-    axes = figure.subplots(len(rows), len(captures), squeeze=False, sharex=True, sharey=True)
+    figure, axes = new_figure(
+        min(len(rows) * 1.75 + 0.9, 11.0),
+        len(rows),
+        len(captures),
+        left=0.5 + 0.15 * _lines(rows),
+        top=0.55,
+        bottom=0.5,
+        across=0.12,
+        down=0.15,
+        sharex=True,
+        sharey=True,
+    )
     edges = np.linspace(-limit_mm, limit_mm, 62)
     for row, (of, label) in enumerate(rows.items()):
         for column, capture in enumerate(captures):
@@ -173,7 +200,7 @@ def _histograms(captures: Captures, evaluations: Evaluations, limit_mm: float) -
     axes[0, 0].set_xlim(-limit_mm, limit_mm)
     figure.supxlabel("deviation in mm", fontsize=8.5)
     handles = {label: h for a in axes.flat for h, label in zip(*a.get_legend_handles_labels(), strict=True)}
-    figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=3)
+    figure.legend(handles.values(), handles.keys(), loc="upper center", ncols=3)
     caption = (
         "How the deviations are distributed (bars), and the normal distribution that the noise of the phases predicts "
         "(dashed). Bars wider than the curve mean errors beyond noise; a shoulder or a second peak means that part of "
@@ -190,7 +217,7 @@ def _histograms(captures: Captures, evaluations: Evaluations, limit_mm: float) -
 
 def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np.float64]) -> None:
     plain_axes(axes)
-    axes.locator_params(axis="x", nbins=5)
+    axes.locator_params(axis="x", nbins=5, prune="both")  # the next panel begins at its end
     if evaluation is None:
         axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
         return

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from core.model import DriftPoint
 from core.report.data import ReportData
 from core.report.figures.canvas import (
+    BAR_IN,
     CAMERA,
     FILL,
     MUTED,
@@ -20,15 +21,20 @@ from core.report.figures.canvas import (
     PROJECTOR,
     WIDTH_IN,
     Drawing,
+    axes_below,
     colour_bar,
+    drawable,
     new_figure,
     plain_axes,
+    shortened,
+    width_in,
 )
 from core.report.numbers import DRIFT_ELEMENTS
 
 WARNING, ACTION = 1.96, 3.29  # sigmas, passed by one in 20 and in 1000 at rest
 Curves = Mapping[str, NDArray[np.float64]]
 HEIGHT_IN = 3.2
+NAME_PT = 6
 
 
 def drift(data: ReportData) -> list[Drawing]:
@@ -37,11 +43,12 @@ def drift(data: ReportData) -> list[Drawing]:
 
 
 def _drift(chart: Sequence[DriftPoint]) -> Drawing:
-    figure = new_figure(1.1 * len(DRIFT_ELEMENTS) + 0.6)
-    panels = figure.subplots(len(DRIFT_ELEMENTS), 1, sharex=True)
+    n, names = len(DRIFT_ELEMENTS), [drawable(shortened(p.capture)) for p in chart]
+    named_in = 0.15 + max(width_in(name, NAME_PT) for name in names)
+    figure, panels = new_figure(1.1 * n + named_in + 0.1, n, left=1.05, top=0.1, bottom=named_in, down=0.1, sharex=True)
     at = np.arange(len(chart))
     offs, sigmas = (np.array(x) for x in zip(*((p.value - p.expected, p.sigma) for p in chart), strict=True))
-    for k, (axes, (name, unit, scale)) in enumerate(zip(panels, DRIFT_ELEMENTS, strict=True)):
+    for k, (axes, (name, unit, scale)) in enumerate(zip(panels[:, 0], DRIFT_ELEMENTS, strict=True)):
         off, sigma = scale * offs[:, k], scale * sigmas[:, k]
         axes.fill_between(at, -WARNING * sigma, WARNING * sigma, step="mid", color=FILL, alpha=0.5, linewidth=0)
         for sign in (-1, 1):
@@ -49,7 +56,7 @@ def _drift(chart: Sequence[DriftPoint]) -> Drawing:
         axes.plot(at, off, "o-", color=CAMERA, markersize=3, linewidth=0.8)
         top = 1.1 * max(ACTION * float(np.median(sigma)), float(np.abs(off[1:]).max(initial=0.0)))
         axes.set(ylabel=f"{name}\n[{unit}]", ylim=(-top, top))
-    panels[-1].set_xticks(at, [p.capture for p in chart], rotation=90, fontsize=6)
+    axes.set_xticks(at, names, rotation=90, fontsize=NAME_PT)
     camera, projector = chart[0].camera, chart[0].projector
     caption = (
         f"What each capture shows of {projector} against {camera}, less what those before it led to expect; the first "
@@ -67,8 +74,7 @@ def responses(data: ReportData) -> list[Drawing]:
 
 
 def _response(projector: str, curves: Curves) -> Drawing:
-    figure = new_figure(HEIGHT_IN)
-    axes = figure.add_subplot()
+    figure, ((axes,),) = new_figure(HEIGHT_IN)
     level = next(iter(curves.values()))[:, 0]
     each = np.array([np.interp(level, *curve.T) for curve in curves.values()])
     middle = np.median(each, axis=0)
@@ -94,17 +100,17 @@ def volume(data: ReportData) -> list[Drawing]:
     layers, sigma_mm = figures["depths"], maps["form_sigma_mm"]  # (depths, rows, columns)
     shown = [layers[k] for k in sorted({0, len(layers) // 2, len(layers) - 1})]
     _, height, width = sigma_mm.shape
-    figure = new_figure((WIDTH_IN - 1.0) / 3 * height / width + 1.1)
-    panels = figure.subplots(1, len(shown), squeeze=False)[0]
+    high = (WIDTH_IN / 3 - 0.1) * height / width + 0.3 + BAR_IN
+    figure, panels = new_figure(high, 1, len(shown), left=0.1, right=0.1, top=0.3, bottom=BAR_IN, across=0.1)
     scale = Normalize(0.0, 1e3 * float(np.nanpercentile(sigma_mm, 98)))
     colours = colormaps["Blues"].with_extremes(bad=NO_DATA)
-    for axes, row in zip(panels, shown, strict=True):
+    for axes, row in zip(panels[0], shown, strict=True):
         axes.set_title(f"{row['depth_mm']:.0f} mm away")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_visible(False)
         axes.imshow(1e3 * sigma_mm[row["layer"]], cmap=colours, norm=scale, interpolation="none")
     mappable = ScalarMappable(scale, colours)
-    colour_bar(figure, mappable, panels, "σ of form in µm", location="bottom", shrink=0.6, aspect=45, extend="max")
+    colour_bar(mappable, axes_below(figure), "σ of form in µm", orientation="horizontal", extend="max")
     caption = (
         "What the calibration's own uncertainty does to a shape, every panel a view through the camera: σ of a point's "
         "place after the best movement of all points as one. It does not become smaller with less noise in a capture. "
