@@ -19,7 +19,7 @@ from core.geometry import (
 from core.model import AdjustedDevice, Array, DepthCalibration, DriftPoint, Interior, PlaneEvaluation, Registration
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
 from core.report.published import Published, published_names, read_published
-from core.report.table import Cell, Number, Table
+from core.report.table import Cell, Number, Table, fixed
 
 # of the control chart: name, unit, and the unit's factor
 DRIFT_ELEMENTS = (*((f"turn {axis}", "µrad", 1e6) for axis in "XYZ"), *((f"shift {k}", "µm", 1e3) for k in (1, 2)))
@@ -149,7 +149,7 @@ def _held_places(data: ReportData) -> Iterable[str]:
 
 def volume_table(figures: Mapping[str, Any]) -> Table:
     """How sure a calibration is, over the working volume."""
-    names = {"sigma_mm": ".3f", "form_sigma_mm": ".4f", "camera_px": ".4f", "projector_lines": ".4f"}
+    names = {"sigma_mm": "F3", "form_sigma_mm": "F4", "camera_px": ".4f", "projector_lines": ".4f"}
     rows: list[tuple[Cell, ...]] = [
         (f"{row['depth_mm']:.0f} mm away", *(Number(row[name], digits) for name, digits in names.items()))
         for row in figures["depths"]
@@ -204,10 +204,10 @@ def _relative_orientation(data: ReportData) -> Iterable[tuple[str, str, Number]]
             pair, of = pair_of(found, camera, projector), f" {camera} to {projector}"
             t = pair.projector_from_camera.translation_mm
             base = float(np.linalg.norm(t))
-            yield f"base{of}" if several else "base camera to projector", "mm", Number(base, ".3f")
+            yield f"base{of}" if several else "base camera to projector", "mm", Number(base, "F3")
             if base > 0:
                 sigma = float(np.sqrt(abs(t @ pair.covariance[-3:, -3:] @ t))) / base
-                yield f"σ of the base{of if several else ''}", "mm", Number(sigma, ".4f")
+                yield f"σ of the base{of if several else ''}", "mm", Number(sigma, "F4")
             cosine = min(max(float(pair.projector_from_camera.rotation[2, 2]), -1.0), 1.0)
             name = f"angle of the viewing axes{of}" if several else "angle between the viewing axes"
             yield name, "°", Number(float(np.degrees(np.arccos(cosine))), ".3f")
@@ -285,10 +285,10 @@ def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published |
             e.method,
             _count(e.n),
             Number(e.excluded, "d", marks[_rule(e)] if e.excluded else ""),
-            Number(e.rms_mm, ".4f"),
-            Number(e.max_mm, ".3f"),
-            Number(e.min_mm, ".3f"),
-            _known(e.predicted_rms_mm, ".4f"),
+            Number(e.rms_mm, "F4"),
+            Number(e.max_mm, "F3"),
+            Number(e.min_mm, "F3"),
+            _known(e.predicted_rms_mm, "F4"),
         ]
         if published:
             row.append(_known(published.plane_rms_mm(e.method, e.angle_deg), ".3f"))
@@ -318,7 +318,7 @@ def depth_table(d: DepthCalibration) -> Table:
         ("least depth", "mm", f"{d.depths_mm.min():.3f}" if len(d.depths_mm) else None),
         ("greatest depth", "mm", f"{d.depths_mm.max():.3f}" if len(d.depths_mm) else None),
         ("calibrated pixels", "", f"{d.valid_pixels} of {pixels}"),
-        ("residuals in depth, r.m.s.", "mm", f"{d.residual_rms_mm:.4f}"),
+        ("residuals in depth, r.m.s.", "mm", fixed(d.residual_rms_mm, 4)),
     )
     return Table("Depth per pixel, from the positions of the plate", ("quantity", "unit", "value"), rows)
 

@@ -7,7 +7,7 @@ from typing import Literal
 from core.lazy import dataclass
 from core.model import PlaneEvaluation
 from core.report.data import SignOff, Tolerance, plane_name, side_by_side
-from core.report.table import Cell, Table
+from core.report.table import Cell, Table, fixed
 
 Figure = Literal["rms", "max"]
 FIGURES: dict[Figure, str] = {"rms": "r.m.s. deviation", "max": "largest deviation"}
@@ -82,4 +82,4 @@ def _figure(evaluation: PlaneEvaluation, which: Figure) -> float:
 
 
 def _named(evaluation: PlaneEvaluation, which: Figure, evaluations: tuple[PlaneEvaluation, ...]) -> str:
-    return f"{_figure(evaluation, which):.4f} mm, {plane_name(evaluation, evaluations)} {evaluation.method}"
+    return f"{fixed(_figure(evaluation, which), 4)} mm, {plane_name(evaluation, evaluations)} {evaluation.method}"

@@ -14,8 +14,8 @@ MISSING = "–"
 class Number:
     """A number and how many of its digits mean something.
 
-    `spec` is a format specification, or ``"E6"`` for six digits after a leading ``0.`` with an exponent, as additional
-    parameters are usually printed. `mark` refers to a note of the table.
+    `spec` is a format specification; ``"E6"`` for six digits after a leading ``0.`` with an exponent, as additional
+    parameters are usually printed; or ``"F4"`` as `fixed` writes it. `mark` refers to a note of the table.
 
     Examples
     --------
@@ -34,6 +34,8 @@ class Number:
             body = MISSING
         elif self.spec.startswith("E"):
             body = _leading_zero(self.value, int(self.spec[1:]))
+        elif self.spec.startswith("F"):
+            body = fixed(self.value, int(self.spec[1:]))
         else:
             body = format(self.value, self.spec)
             body = body if float(body) else body.replace("-", "")  # nothing is left of the sign of a rounded zero
@@ -41,6 +43,19 @@ class Number:
 
 
 Cell = Number | str | None
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Write a length with so many decimals, or more where it would lose all but its first digit: rigs may be small.
+
+    Examples
+    --------
+    >>> fixed(0.0309, 3), fixed(0.00213, 3), fixed(0.00000213, 3), fixed(0.0, 3)
+    ('0.031', '0.0021', '0.0000021', '0.000')
+    """
+    if value and isfinite(value):
+        decimals = max(decimals, min(1 - floor(log10(abs(value))), 9))
+    return f"{value:.{decimals}f}"
 
 
 @dataclass(frozen=True)

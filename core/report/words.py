@@ -21,7 +21,7 @@ from core.report.data import (
 from core.report.numbers import network_counts, normalised_errors, object_sigmas_um, published_of, true_parameters
 from core.report.published import Published
 from core.report.sign_off import sign_off_sentence
-from core.report.table import Number
+from core.report.table import Number, fixed
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,9 @@ def highlights(data: ReportData) -> tuple[Highlight, ...]:
         if not own:
             continue
         known = _published_rms(own, published)
-        context = f"published {_span(known)} mm" if known else f"largest deviation {max(e.max_mm for e in own):.3f} mm"
+        context = (
+            f"published {_span(known)} mm" if known else f"largest deviation {fixed(max(e.max_mm for e in own), 3)} mm"
+        )
         result.append(Highlight(f"plane-table, {method}, r.m.s.", f"{_span([e.rms_mm for e in own])} mm", context))
     for d in calibrated_devices(data):
         x, y = d.device.residual_rms_um
@@ -65,7 +67,7 @@ def highlights(data: ReportData) -> tuple[Highlight, ...]:
         result.append(Highlight("σ0 of the adjustment", _digits(n["sigma0"], 3), f"redundancy {n['redundancy']}"))
     if data.depth is not None:
         count = _plural(len(data.depth.depths_mm), "plate position")
-        result.append(Highlight("depth calibration, r.m.s.", f"{data.depth.residual_rms_mm:.4f} mm", count))
+        result.append(Highlight("depth calibration, r.m.s.", f"{fixed(data.depth.residual_rms_mm, 4)} mm", count))
     return tuple(result)
 
 
@@ -150,7 +152,7 @@ def _depth_findings(data: ReportData) -> list[str]:
     span = f" from {d.depths_mm.min():g} to {d.depths_mm.max():g} mm" if len(d.depths_mm) else ""
     return [
         f"The depth calibration fits {shape} per pixel to {_plural(len(d.depths_mm), 'plate position')}{span} with "
-        f"residuals of {d.residual_rms_mm:.4f} mm r.m.s.; it covers {share:.0%} of the image."
+        f"residuals of {fixed(d.residual_rms_mm, 4)} mm r.m.s.; it covers {share:.0%} of the image."
     ]
 
 
@@ -166,7 +168,7 @@ def _plane_finding(method: Method, evaluations: tuple[PlaneEvaluation, ...], pub
     known = _published_rms(own, published)
     if known:
         text += f" (published for these angles: {_span(known)} mm)"
-    text += f"; the largest deviation is {largest.max_mm:.3f} mm, in {plane_name(largest, evaluations)}."
+    text += f"; the largest deviation is {fixed(largest.max_mm, 3)} mm, in {plane_name(largest, evaluations)}."
     ratios = [e.rms_mm / e.predicted_rms_mm for e in own if e.predicted_rms_mm]
     if ratios:
         text += f" That is {_span(ratios, 2)} times what the noise of the phases predicts"
@@ -244,7 +246,7 @@ def _digits(value: float, digits: int) -> str:
 
 
 def _span(values: list[float], digits: int = 3) -> str:
-    low, high = f"{min(values):.{digits}f}", f"{max(values):.{digits}f}"
+    low, high = fixed(min(values), digits), fixed(max(values), digits)
     return low if low == high else f"{low} to {high}"
 
 

@@ -1267,8 +1267,8 @@
         <translation>Umschalt und die Pfeiltasten bewegen den Zeiger; Plus und Minus vergrößern und verkleinern, die Pfeiltasten verschieben die Karte.</translation>
     </message>
     <message>
-        <source>{rms:.4f} mm r.m.s.</source>
-        <translation>{rms:.4f} mm r.m.s.</translation>
+        <source>{rms} mm r.m.s.</source>
+        <translation>{rms} mm r.m.s.</translation>
     </message>
     <message>
         <source>{n} points</source>
@@ -1352,12 +1352,12 @@
         <translation>{method}: {rms:.1f} µm r.m.s., {low:+.0f} bis {high:+.0f} µm</translation>
     </message>
     <message>
-        <source>{method}: within 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms:.4f} mm{predicted}</source>
-        <translation>{method}: innerhalb von 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms:.4f} mm{predicted}</translation>
+        <source>{method}: within 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms} mm{predicted}</source>
+        <translation>{method}: innerhalb von 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms} mm{predicted}</translation>
     </message>
     <message>
-        <source>, from the noise {rms:.4f} mm</source>
-        <translation>, aus dem Rauschen {rms:.4f} mm</translation>
+        <source>, from the noise {rms} mm</source>
+        <translation>, aus dem Rauschen {rms} mm</translation>
     </message>
 </context>
 <context>
@@ -1573,8 +1573,8 @@
         <translation>alle Ebenen</translation>
     </message>
     <message>
-        <source>normal, {rms:.4f} mm</source>
-        <translation>normal, {rms:.4f} mm</translation>
+        <source>normal, {rms} mm</source>
+        <translation>normal, {rms} mm</translation>
     </message>
 </context>
 <context>

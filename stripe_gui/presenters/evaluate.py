@@ -13,6 +13,7 @@ from core.pipeline import METHODS
 from core.pipeline.runs import current_run
 from core.progress import SILENT, Progress
 from core.report import CHAPTERS, ReportData, Table
+from core.report.table import fixed
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at
 from stripe_gui.presenters.stages import StageStatus, State
@@ -143,19 +144,19 @@ def profile_text(name: str, line: Profile) -> str:
 def distribution_text(view: EvaluationView, capture: str) -> str:
     """Set the shares within one, two and three r.m.s. beside those of a normal distribution; one line per way."""
     text = translate(
-        "Evaluate", "{method}: within 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms:.4f} mm{predicted}"
+        "Evaluate", "{method}: within 1, 2, 3 r.m.s. {shares} % (normal {normal} %); r.m.s. {rms} mm{predicted}"
     )
     lines = []
     for e in (e for e in view.of(capture) if e.rms_mm > 0):
         shares = ", ".join(f"{100 * share_within(e, times):.2f}" for times in (1, 2, 3))
-        predicted = translate("Evaluate", ", from the noise {rms:.4f} mm").format(rms=e.predicted_rms_mm or 0)
+        predicted = translate("Evaluate", ", from the noise {rms} mm").format(rms=fixed(e.predicted_rms_mm or 0, 4))
         normal = ", ".join(f"{share:.2f}" for share in NORMAL_SHARES)
         lines.append(
             text.format(
                 method=view.name(e),
                 shares=shares,
                 normal=normal,
-                rms=e.rms_mm,
+                rms=fixed(e.rms_mm, 4),
                 predicted=predicted if e.predicted_rms_mm else "",
             )
         )

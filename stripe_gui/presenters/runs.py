@@ -87,7 +87,7 @@ def _row(run: Run, current: Mapping[Method, int], others: Sequence[Method]) -> t
         _rms(network.get("camera", {}).get("residual_rms_um")),
         _rms(network.get("projector", {}).get("residual_rms_um")),
         _rms(network.get("object_sigma_rms_um")),
-        _number(depth.get("residual_rms_mm"), ".4f"),
+        _number(depth.get("residual_rms_mm"), "F4"),
         *(_figures(run.figures.get(method, {})) for method in others),
         Number(sum(len(names) for names in run.captures.values()), "d"),
         Number(_left_out(run), "d"),

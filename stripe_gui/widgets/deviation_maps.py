@@ -11,6 +11,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QWidget
 
 from core.model import PlaneEvaluation
+from core.report.table import fixed
 from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
 from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.colour_bar import ColourBar
@@ -102,7 +103,7 @@ class DeviationMaps(QWidget):
         self._captures.append(evaluation.capture)
         self._cursors.append(cursor)
         title = label(sentence(way) if self._beside else plane_name(evaluation))
-        figures = label(self.tr("{rms:.4f} mm r.m.s.").format(rms=evaluation.rms_mm), "muted")
+        figures = label(self.tr("{rms} mm r.m.s.").format(rms=fixed(evaluation.rms_mm, 4)), "muted")
         figures.setToolTip(self.tr("{n} points").format(n=evaluation.n))
         heading = row(title, figures, None) if self._beside else column(title, figures, spacing=0)
         return boxed(column(heading, made, spacing=4))

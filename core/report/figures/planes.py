@@ -34,6 +34,7 @@ from core.report.figures.canvas import (
     shortened,
 )
 from core.report.figures.strokes import DPI
+from core.report.table import fixed
 
 COLUMNS = 4  # planes side by side in one figure
 Captures = list[tuple[str, float | None]]
@@ -162,7 +163,7 @@ def _map(axes: Axes, evaluation: PlaneEvaluation | None, colours: Colormap, scal
         axes.text(0.5, 0.5, "not evaluated", ha="center", va="center", color=MUTED, transform=axes.transAxes)
         return
     axes.imshow(_printed(evaluation.deviation_mm, most), cmap=colours, norm=scale, interpolation="none")
-    axes.set_title(f"r.m.s. {evaluation.rms_mm:.3f} mm")
+    axes.set_title(f"r.m.s. {fixed(evaluation.rms_mm, 3)} mm")
 
 
 def _printed(values: NDArray[np.float32], most: int) -> NDArray[np.float32]:
@@ -227,13 +228,13 @@ def _histogram(axes: Axes, evaluation: PlaneEvaluation | None, edges: NDArray[np
     axes.add_artist(StepPatch(heights, edges, fill=True, color=FILL, linewidth=0, label="measured"))
     axes.update_datalim([(edges[0], 0.0), (edges[-1], heights.max())])  # which stairs look for edge by edge
     axes.autoscale_view()
-    lines = [f"r.m.s. {evaluation.rms_mm:.3f}"]
+    lines = [f"r.m.s. {fixed(evaluation.rms_mm, 3)}"]
     if evaluation.predicted_rms_mm:
         s, step = evaluation.predicted_rms_mm, edges[1] - edges[0]
         x = np.linspace(edges[0], edges[-1], 241)
         density = 100 * step / (s * np.sqrt(2 * np.pi)) * np.exp(-0.5 * (x / s) ** 2)
         axes.plot(x, density, color=PROJECTOR, lw=1.4, dashes=(4, 2), label="normal, with the predicted r.m.s.")
-        lines.append(f"predicted {s:.3f}")
+        lines.append(f"predicted {fixed(s, 3)}")
     beyond = len(values) - int(counts.sum())
     if beyond:
         lines.append(f"{beyond} beyond")

@@ -12,6 +12,7 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QWidget
 
 from core.evaluate import line_across
+from core.report.table import fixed
 from stripe_gui.presenters.evaluate import Choice, EvaluationView, distribution_text, plane_name, profile_text, profiles
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.image_view import ARROWS, ImageView
@@ -283,6 +284,6 @@ class HistogramPart(QWidget):
             return
         own = view.of(plane)
         series = [(view.name(e), e.deviation_mm) for e in own]
-        normal = [(self.tr("normal, {rms:.4f} mm").format(rms=e.rms_mm), e.rms_mm) for e in own]
+        normal = [(self.tr("normal, {rms} mm").format(rms=fixed(e.rms_mm, 4)), e.rms_mm) for e in own]
         self.histogram.set_values(series, 4 * max(e.rms_mm for e in own) or 1.0, 81, normal=normal)
         self.shares.setText(distribution_text(view, plane))

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from core.model import Verdict
-from core.report import ReportData, summary
+from core.report import Number, ReportData, cell_text, summary
+from core.report.data import side_by_side
+from core.report.numbers import plane_table
 from core.report.words import highlights
 
 
@@ -102,3 +104,19 @@ def test_empty_report_says_what_is_missing(project):
     result = summary(ReportData(project))
     assert result.findings == ()
     assert len(result.missing) == 3
+
+
+def test_a_small_rig_keeps_its_digits(data, evaluations):
+    small = tuple(
+        dataclasses.replace(e, rms_mm=e.rms_mm * 1e-3, max_mm=e.max_mm * 1e-3, min_mm=e.min_mm * 1e-3)
+        for e in evaluations
+    )
+    of_small, of_usual = (dataclasses.replace(data, evaluations=e) for e in (small, evaluations))
+    told = next(h.value for h in highlights(of_small) if h.label.startswith("plane-table"))
+    values = [e.rms_mm for e in small if e.method == "photogrammetric"]
+    low, high = (float(word) for word in told.removesuffix(" mm").split(" to "))
+    assert (low, high) == pytest.approx((min(values), max(values)), rel=0.05)
+    for row, e in zip(plane_table(small, None).rows, side_by_side(small), strict=True):
+        shown = [float(cell.text) for cell in row if isinstance(cell, Number) and "." in cell.text]
+        assert shown[:3] == pytest.approx([e.rms_mm, e.max_mm, e.min_mm], rel=0.05)
+    assert [len(cell_text(c)) for c in plane_table(of_usual.evaluations, None).rows[0][5:8]] == [6, 5, 6]
