@@ -5,6 +5,7 @@ libraries.py     what of the system Qt would miss, told before it starts
 app.py           the QApplication: palette, font, language; owns the workbench and the window
 workbench.py     what every page, wizard and action is given: session, jobs, dialogs, settings, notices
 session.py       the one object that owns the open project
+garbage.py       Python's garbage is collected in the window's thread alone
 jobs.py          runs a core function in a thread: progress, cancel, result, the whole traceback on failure
 actions.py       actions as records; menus, shortcuts and the command palette are made from them
 commands.py      what the operator can do besides the work of a page

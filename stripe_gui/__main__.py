@@ -29,13 +29,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.patterns is not None:
             from PySide6.QtWidgets import QApplication
 
+            from stripe_gui.garbage import collected_here
             from stripe_gui.screens import Screens
 
             app = QApplication(["stripe-gui"])
-            Screens().serve(options.patterns)
+            with collected_here():
+                Screens().serve(options.patterns)
             del app
             return 0
         from stripe_gui.app import Program, make_application
+        from stripe_gui.garbage import collected_here
     except ImportError as error:
         print(
             f"stripe-gui: {error}; install the window's packages: pip install 'stripe-workbench[gui]'", file=sys.stderr
@@ -45,14 +48,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from stripe_gui.tour import tour
 
         return tour(options.tour, options.project)
-    program = Program(make_application())
-    program.watch_faults()
-    program.heed_signals()
-    program.window.show()
-    threading.Thread(target=_warm_up, daemon=True).start()
-    if options.project is not None:
-        program.window.open_path(options.project)
-    return program.run()
+    application = make_application()
+    with collected_here():
+        program = Program(application)
+        program.watch_faults()
+        program.heed_signals()
+        program.window.show()
+        threading.Thread(target=_warm_up, daemon=True).start()
+        if options.project is not None:
+            program.window.open_path(options.project)
+        return program.run()
 
 
 def _warm_up() -> None:

@@ -17,6 +17,7 @@ from PySide6.QtGui import QImage
 
 from core.errors import StripeError
 from stripe_gui.app import Program, make_application
+from stripe_gui.garbage import collected_here
 from stripe_gui.pages import PAGES
 from stripe_gui.settings import Settings
 from stripe_gui.workbench import Workbench
@@ -65,9 +66,10 @@ def _demo(folder: Path) -> Path:
 
 def _pictures(out: Path, project: Path | None, scale: str) -> int:
     out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as temporary:
+    application = make_application()
+    with tempfile.TemporaryDirectory() as temporary, collected_here():
         bench = Workbench(Settings(Path(temporary) / "settings.ini"))
-        program = Program(make_application(), bench)
+        program = Program(application, bench)
         problems: list[str] = []
         bench.noticed.connect(lambda notice: problems.append(notice.happened) if notice.kind == "error" else None)
         window = program.window

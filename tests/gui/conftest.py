@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QApplication
 
 from stripe_gui.app import Program, make_application
 from stripe_gui.dialogs import Dialogs
+from stripe_gui.garbage import collected_here
 from stripe_gui.main_window import MainWindow
 from stripe_gui.settings import Settings
 from stripe_gui.workbench import Notice, Workbench
@@ -72,9 +73,10 @@ def settle() -> None:
 
 @pytest.fixture(autouse=True)
 def no_widget_left(qapp) -> Iterator[None]:
-    """Every test takes away the windows it made."""
+    """Every test takes away the windows it made; no other thread does, as in the program."""
     before = set(QApplication.topLevelWidgets())
-    yield
+    with collected_here():
+        yield
     settle()
     left = [w for w in QApplication.topLevelWidgets() if w not in before]
     if left:  # a cycle of references may still hold it
