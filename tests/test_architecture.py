@@ -19,6 +19,7 @@ GROUND = {
     "atomic",
     "progress",
     "fields",
+    "digits",
     "algebra",
     "parallel",
     "compiling",
@@ -32,6 +33,7 @@ ALLOWED = {
     "atomic": {"errors"},
     "progress": {"errors"},
     "fields": {"errors"},
+    "digits": set(),
     "algebra": set(),
     "parallel": {"algebra", "errors", "progress"},
     "numerics": {"compiling"},
@@ -54,7 +56,7 @@ ALLOWED = {
     "checks": GROUND,
     "exchange": GROUND,
     "orient": GROUND | {"evaluate"},
-    "report": {"errors", "atomic", "progress", "parallel", "resources", "model", "geometry"},
+    "report": {"errors", "atomic", "progress", "digits", "parallel", "resources", "model", "geometry"},
     "figures": {"geometry", "model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
@@ -67,6 +69,7 @@ ALLOWED = {
         "errors",
         "atomic",
         "progress",
+        "digits",
         "model",
         "patterns",
         "figures",

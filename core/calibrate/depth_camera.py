@@ -19,6 +19,7 @@ from functools import partial
 import cv2
 import numpy as np
 
+from core.digits import fixed
 from core.errors import AdjustmentError
 from core.geometry import (
     Pose,
@@ -146,7 +147,7 @@ def _assumed(spec: DeviceSpec) -> PlateCamera:
     distance_mm = ASSUMED_DISTANCE * spec.nominal_c_mm
     warnings = (
         "no targets on the depth plate: X and Y come from the nominal camera, square to the plate",
-        f"the plate's distance is assumed to be {distance_mm:.0f} mm, so X and Y have no true scale",
+        f"the plate's distance is assumed to be {fixed(distance_mm, 0)} mm, so X and Y have no true scale",
     )
     pose = Pose(np.eye(3), np.array([0.0, 0.0, -distance_mm]))
     return PlateCamera(nominal(spec), pose, np.array([0.0, 0.0, 1.0]), warnings)

@@ -19,6 +19,7 @@ from core.calibrate.normals import reduced_equations
 from core.calibrate.problem import problem_of
 from core.calibrate.solve import AdjustOptions, Solved
 from core.calibrate.state import interior_of
+from core.digits import fixed
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_axis_angle, project
 from core.lazy import dataclass
@@ -68,7 +69,7 @@ class NextPose:
         tilt = (
             f"tilted by {self.tilt_deg:.0f}°, its {near} towards the camera" if self.tilt_deg else "facing the camera"
         )
-        return f"{tilt}; rolled by {self.roll_deg:.0f}°; {self.distance_mm:.0f} mm away"
+        return f"{tilt}; rolled by {self.roll_deg:.0f}°; {fixed(self.distance_mm, 0)} mm away"
 
 
 def next_poses(network: Network, count: int = 3, progress: Progress = SILENT) -> tuple[NextPose, ...]:

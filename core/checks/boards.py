@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.checks.lengths import nominal_of
+from core.digits import fixed
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, Note, TargetSet, Testfield
 from core.numerics import median_of, nearest, row_median
@@ -63,7 +64,7 @@ def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list
     usual = median_of(size)
     return [
         f"testfield: target {adjustment.network.point_names[known[k]]} is seen {size[k]:.2g} mm from where the file "
-        f"has it ({off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f}), half of the others within {usual:.2g} mm: "
+        f"has it ({', '.join(fixed(x, 2, '+') for x in off[k])}), half of the others within {usual:.2g} mm: "
         "correct its x_mm, y_mm and z_mm in the testfield file"
         for k in np.flatnonzero(size > np.maximum(max(FAR * usual, OFF * spacing), FAR * sigma)).tolist()
     ]
@@ -78,7 +79,7 @@ def _nowhere(board: Testfield, sets: Sequence[TargetSet], spacing: float) -> lis
         return []
     return [
         f"testfield: target {row}/{col} is seen nowhere, and the file has it {size[k]:.3g} mm beside its row and "
-        f"column ({off[k, 0]:+.2f}, {off[k, 1]:+.2f}, {off[k, 2]:+.2f}): correct its x_mm, y_mm and z_mm in the "
+        f"column ({', '.join(fixed(x, 2, '+') for x in off[k])}): correct its x_mm, y_mm and z_mm in the "
         "testfield file"
         for (row, col), k in board.index().items()
         if (row, col) not in seen and size[k] > UNSEEN * spacing

@@ -13,6 +13,7 @@ import numpy as np
 
 from core.checks.network import LEVEL, unit_hint
 from core.checks.plates import Plates
+from core.digits import fixed
 from core.geometry import similarity
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Note, ScaleBar, Testfield
@@ -242,19 +243,19 @@ def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
     if len(z) - len(off) > max(2, len(z) // 2):
         for k in off:
             text = (
-                f"{plates.names[k]}: the plate stood at {z[k] + rest[k] / slope:.2f} mm, by its targets, z_mm says "
-                f"{z[k]:g} mm ({rest[k] / slope:+.2f} mm): correct z_mm or capture it again"
+                f"{plates.names[k]}: the plate stood at {fixed(z[k] + rest[k] / slope, 2)} mm, by its targets, z_mm "
+                f"says {z[k]:g} mm ({fixed(rest[k] / slope, 2, '+')} mm): correct z_mm or capture it again"
             )
             concerns.append(Concern("failed" if abs(rest[k]) > 3 * limit[k] else "doubtful", text, "plates"))
     elif len(off):
-        places = ", ".join(f"{name} {at:.2f}" for name, at in zip(plates.names, z + rest / slope, strict=True))
+        places = ", ".join(f"{name} {fixed(at, 2)}" for name, at in zip(plates.names, z + rest / slope, strict=True))
         text = (
             f"by their targets, the plates stand at about {places} mm, not where z_mm says: correct z_mm, check "
             "that no frames were exchanged, and move the plate without play"
         )
         concerns.append(Concern("failed" if (np.abs(rest) > 3 * limit).any() else "doubtful", text, "plates"))
     for k in np.flatnonzero(across > max(0.01 * distance, 6 * median_of(across))):
-        text = f"{plates.names[k]}: the plate stood {across[k]:.1f} mm beside its axis: did it move sideways?"
+        text = f"{plates.names[k]}: the plate stood {fixed(across[k], 1)} mm beside its axis: did it move sideways?"
         concerns.append(Concern("doubtful", text, "plates"))
     return slope, sigma, concerns
 

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.checks.plates import intersect_targets
+from core.digits import fixed
 from core.errors import InputError
 from core.geometry import held_axes, pair_of, perturbed, project, ray_directions
 from core.lazy import dataclass
@@ -99,7 +100,8 @@ def volume_of(pair: Pair, depths_mm: Array) -> Volume:
     lines = project(lit, pair.projector.interior, xyz, pair.projector_from_camera)
     use = np.all((lines > -0.5) & (lines < [lit.width - 0.5, lit.height - 0.5]), axis=1)
     if np.count_nonzero(use) < 3:
-        seen = f"the projector lights nothing that the camera sees {depths_mm[0]:.0f} to {depths_mm[-1]:.0f} mm away"
+        near, far = fixed(depths_mm[0], 0), fixed(depths_mm[-1], 0)
+        seen = f"the projector lights nothing that the camera sees {near} to {far} mm away"
         raise InputError("the working volume", seen, "check that camera and projector belong to one rig")
     place = np.stack([d, r, c], axis=1)[use]
     return Volume(uv[use], lines[use], xyz[use], place, (len(depths_mm), rows, columns))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from core.digits import fixed
 from core.errors import InputError
 from core.figures import picked
 from core.geometry import camera_for
@@ -82,17 +83,22 @@ def feature_figures(feature: Feature) -> Figures:
 
 def feature_words(feature: Feature) -> str:
     """The same in one line."""
-    centre = " ".join(
-        f"{x:.4f} ± {s:.4f}" for x, s in zip(feature.centre_mm, np.sqrt(np.diagonal(feature.cov_mm2)), strict=True)
-    )
-    size = f"{feature.size_mm[0]:.4f} ± {feature.size_mm[1]:.4f}"
+    sigmas = np.sqrt(np.diagonal(feature.cov_mm2))
+    centre = " ".join(_with_sigma(x, s) for x, s in zip(feature.centre_mm, sigmas, strict=True))
+    size = _with_sigma(*feature.size_mm)
     if feature.kind == "circle":
         axes = zip(np.linalg.norm(feature.axes_mm, axis=1), feature.sigma_mm, strict=True)
-        size = f"radius {size} mm, semi-axes " + " and ".join(f"{x:.4f} ± {s:.4f}" for x, s in axes)
+        size = f"radius {size} mm, semi-axes " + " and ".join(_with_sigma(x, s) for x, s in axes)
     else:
         size = f"half its length {size}"
     (u, v), (su, sv) = feature.uv, np.sqrt(np.diagonal(feature.uv_cov))
     return f"{feature.kind} at {u:.3f} ± {su:.3f}, {v:.3f} ± {sv:.3f} px: centre {centre} mm, {size} mm"
+
+
+def _with_sigma(length_mm: float, sigma_mm: float) -> str:
+    """Write both with as many digits."""
+    sigma = fixed(sigma_mm, 4)
+    return f"{length_mm:.{len(sigma.partition('.')[2])}f} ± {sigma}"
 
 
 def _numbers(text: str) -> np.ndarray:

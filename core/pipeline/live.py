@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from core.digits import fixed
 from core.errors import AdjustmentError, InputError
 from core.geometry import pair_named, pair_of
 from core.lazy import dataclass
@@ -63,7 +64,7 @@ class Cycle:
     @property
     def words(self) -> str:
         """The figures in one line."""
-        sigma = "" if self.sigma_depth_mm is None else f"  sigma of depth {self.sigma_depth_mm:.4f} mm"
+        sigma = "" if self.sigma_depth_mm is None else f"  sigma of depth {fixed(self.sigma_depth_mm, 4)} mm"
         rig = "" if self.p is None else f"  rig p = {self.p:.2g}{' MOVED' if self.moved else ''}"
         again = f"  {self.retakes} frames again" if self.retakes else ""
         took = f"  captured in {self.capture_s:.2f} s, points after {self.latency_s:.2f} s"

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from core.digits import fixed
 from core.errors import InputError
 from core.figures import picked, verdict_figures
 from core.geometry import pair_of, rotation_vector_from_matrix
@@ -182,9 +183,9 @@ def merge_words(merged: Merged) -> list[str]:
     found, told = merged.registration, []
     for name, pose, sigma in zip(found.captures[1:], found.poses[1:], merged.pose_sigmas, strict=True):
         turn = np.degrees(np.linalg.norm(rotation_vector_from_matrix(pose.rotation)))
-        shift = np.linalg.norm(sigma[3:])
+        shift = fixed(float(np.linalg.norm(sigma[3:])), 3)
         mrad = 1e3 * np.linalg.norm(sigma[:3])
-        told.append(f"{name}: turned {turn:.2f}° against {found.captures[0]}, sigma {mrad:.2f} mrad and {shift:.3f} mm")
+        told.append(f"{name}: turned {turn:.2f}° against {found.captures[0]}, sigma {mrad:.2f} mrad and {shift} mm")
     for o in found.overlaps:
         told.append(f"{' and '.join(o.captures)}: {o.number} {o.kind} in common, misfit {o.misfit:.2f} of their noise")
     return told

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from core.digits import fixed
 from core.figures import picked
 from core.model import Array, DriftPoint, Figures, RigMotion
 
@@ -76,7 +77,8 @@ def motion_words(motion: RigMotion) -> list[str]:
     lines += [
         f"turned, µrad: {three('rotation_urad', 'sigma_urad')}",
         f"shifted{'' if known else ' across the base'}, µm: {three('shift_mm', 'sigma_mm', 1e3)}",
-        f"depth changes by {motion.depth_change_mm:+.3f} mm (median); its sigma is then {motion.depth_sigma_mm:.3f} mm",
+        f"depth changes by {fixed(motion.depth_change_mm, 3, '+')} mm (median); its sigma is then "
+        f"{fixed(motion.depth_sigma_mm, 3)} mm",
     ]
     if motion.stretch > 1:
         lines.append(f"more has drifted than rigs usually do: {motion.stretch:.1f} times as much was allowed for")
@@ -87,9 +89,8 @@ def motion_words(motion: RigMotion) -> list[str]:
         lines.append(f"{device}, changes in µm: {', '.join(changes)}")
     for length, (before, after) in zip(motion.lengths, motion.lengths_mm, strict=True):
         ends = " to ".join(f"{u:.1f},{v:.1f}" for u, v, _ in length.ends)
-        lines.append(
-            f"length {ends}: {before:.4f} mm as calibrated, {after:.4f} corrected, known {length.length_mm:.4f}"
-        )
+        was, now, known_mm = (fixed(mm, 4) for mm in (before, after, length.length_mm))
+        lines.append(f"length {ends}: {was} mm as calibrated, {now} corrected, known {known_mm}")
     apart = f"; hardly told apart: {', '.join(motion.unobserved)}" if motion.unobserved else ""
     by = f"{motion.points} known points" if motion.points else f"{len(motion.lengths)} known length(s)"
     return [*lines, f"shape, scale and distance corrected, by {by}{apart}"]

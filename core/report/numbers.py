@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from core.digits import fixed
 from core.geometry import (
     LENSES,
     at_radius,
@@ -19,7 +20,7 @@ from core.geometry import (
 from core.model import AdjustedDevice, Array, DepthCalibration, DriftPoint, Interior, PlaneEvaluation, Registration
 from core.report.data import CalibratedDevice, ReportData, calibrated_devices, side_by_side
 from core.report.published import Published, published_names, read_published
-from core.report.table import Cell, Number, Table, fixed
+from core.report.table import Cell, Number, Table
 
 # of the control chart: name, unit, and the unit's factor
 DRIFT_ELEMENTS = (*((f"turn {axis}", "µrad", 1e6) for axis in "XYZ"), *((f"shift {k}", "µm", 1e3) for k in (1, 2)))
@@ -151,7 +152,7 @@ def volume_table(figures: Mapping[str, Any]) -> Table:
     """How sure a calibration is, over the working volume."""
     names = {"sigma_mm": "F3", "form_sigma_mm": "F4", "camera_px": ".4f", "projector_lines": ".4f"}
     rows: list[tuple[Cell, ...]] = [
-        (f"{row['depth_mm']:.0f} mm away", *(Number(row[name], digits) for name, digits in names.items()))
+        (f"{fixed(row['depth_mm'], 0)} mm away", *(Number(row[name], digits) for name, digits in names.items()))
         for row in figures["depths"]
     ]
     columns = ("depth", "σ of a point [mm]", "of form [mm]", "of the camera's image [px]", "of the projector's [lines]")
@@ -315,8 +316,8 @@ def depth_table(d: DepthCalibration) -> Table:
     rows: tuple[tuple[Cell, ...], ...] = (
         ("depth as a function of", "", f"{d.axis}, {shape} per pixel"),
         ("plate positions", "", str(len(d.depths_mm))),
-        ("least depth", "mm", f"{d.depths_mm.min():.3f}" if len(d.depths_mm) else None),
-        ("greatest depth", "mm", f"{d.depths_mm.max():.3f}" if len(d.depths_mm) else None),
+        ("least depth", "mm", fixed(d.depths_mm.min(), 3) if len(d.depths_mm) else None),
+        ("greatest depth", "mm", fixed(d.depths_mm.max(), 3) if len(d.depths_mm) else None),
         ("calibrated pixels", "", f"{d.valid_pixels} of {pixels}"),
         ("residuals in depth, r.m.s.", "mm", fixed(d.residual_rms_mm, 4)),
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
+from core.digits import fixed
 from core.lazy import dataclass
 from core.model import PlaneEvaluation
 from core.report.data import SignOff, Tolerance, plane_name, side_by_side
-from core.report.table import Cell, Table, fixed
+from core.report.table import Cell, Table
 
 Figure = Literal["rms", "max"]
 FIGURES: dict[Figure, str] = {"rms": "r.m.s. deviation", "max": "largest deviation"}

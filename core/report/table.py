@@ -5,6 +5,7 @@ from __future__ import annotations
 import unicodedata
 from math import floor, isfinite, log10
 
+from core.digits import fixed
 from core.lazy import dataclass
 
 MISSING = "–"
@@ -43,19 +44,6 @@ class Number:
 
 
 Cell = Number | str | None
-
-
-def fixed(value: float, decimals: int) -> str:
-    """Write a length with so many decimals, or more where it would lose all but its first digit: rigs may be small.
-
-    Examples
-    --------
-    >>> fixed(0.0309, 3), fixed(0.00213, 3), fixed(0.00000213, 3), fixed(0.0, 3)
-    ('0.031', '0.0021', '0.0000021', '0.000')
-    """
-    if value and isfinite(value):
-        decimals = max(decimals, min(1 - floor(log10(abs(value))), 9))
-    return f"{value:.{decimals}f}"
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.digits import fixed
 from core.lazy import dataclass
 from core.model import Method, PlaneEvaluation, Verdict
 from core.report.data import (
@@ -21,7 +22,7 @@ from core.report.data import (
 from core.report.numbers import network_counts, normalised_errors, object_sigmas_um, published_of, true_parameters
 from core.report.published import Published
 from core.report.sign_off import sign_off_sentence
-from core.report.table import Number, fixed
+from core.report.table import Number
 
 
 @dataclass(frozen=True)

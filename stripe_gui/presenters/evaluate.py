@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from core.digits import fixed
 from core.evaluate import Profile, points_on_plane, read_profile, share_within
 from core.lazy import dataclass
 from core.model import DeviceSpec, PlaneEvaluation, Verdict
@@ -13,7 +14,6 @@ from core.pipeline import METHODS
 from core.pipeline.runs import current_run
 from core.progress import SILENT, Progress
 from core.report import CHAPTERS, ReportData, Table
-from core.report.table import fixed
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.runs import made_at
 from stripe_gui.presenters.stages import StageStatus, State

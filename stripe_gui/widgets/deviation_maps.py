@@ -10,8 +10,8 @@ from PySide6.QtCore import QEvent, QObject, QRectF, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QWidget
 
+from core.digits import fixed
 from core.model import PlaneEvaluation
-from core.report.table import fixed
 from stripe_gui.presenters.evaluate import EvaluationView, plane_name, reading
 from stripe_gui.presenters.told import sentence
 from stripe_gui.widgets.colour_bar import ColourBar

@@ -201,6 +201,7 @@ def _volume(
     import numpy as np
 
     from core.atomic import atomic_write
+    from core.digits import fixed
 
     if options.out is not None:
         check_out(options.out, ".npz")
@@ -214,7 +215,8 @@ def _volume(
         tell_devices(options, figures["camera"], figures["projector"])
     print("  ".join(["depth_mm", *names, "(r.m.s.)"]))
     for row in figures["depths"]:
-        print("  ".join([f"{row['depth_mm']:8.1f}", *(f"{row[name]:{len(name)}.4f}" for name in names)]))
+        values = (f"{fixed(row[name], 4):>{len(name)}}" for name in names)
+        print("  ".join([f"{fixed(row['depth_mm'], 1):>8}", *values]))
     if options.out is not None:
         with atomic_write(options.out) as file:
             np.savez(file, **maps)
@@ -255,6 +257,7 @@ def _next_pose(options: Options, progress: Progress) -> dict[str, Any]:
 def _profile(options: Options, progress: Progress) -> dict[str, Any]:
     import numpy as np
 
+    from core.digits import fixed
     from core.pipeline.tables import write_profile_csv
 
     if options.out is not None:
@@ -282,8 +285,8 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
             "min_mm": float(known.min()) if len(known) else None,
             "max_mm": float(known.max()) if len(known) else None,
         }
-        told = f"{1000 * rms:.1f} µm r.m.s." if rms is not None else "no values"
-        print(f"{options.capture} {method}: {told} along {length:.1f} mm, {len(known)} values")
+        told = f"{fixed(1000 * rms, 1)} µm r.m.s." if rms is not None else "no values"
+        print(f"{options.capture} {method}: {told} along {fixed(length, 1)} mm, {len(known)} values")
     if options.out is not None:
         write_profile_csv(options.out, found)
         print(options.out)

@@ -14,6 +14,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.patches import StepPatch
 from numpy.typing import NDArray
 
+from core.digits import fixed
 from core.model import Method, PlaneEvaluation
 from core.report.data import ReportData, captures_in_order, finite_deviations
 from core.report.figures.canvas import (
@@ -34,7 +35,6 @@ from core.report.figures.canvas import (
     shortened,
 )
 from core.report.figures.strokes import DPI
-from core.report.table import fixed
 
 COLUMNS = 4  # planes side by side in one figure
 Captures = list[tuple[str, float | None]]

@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
+from core.digits import fixed
 from core.model import DriftPoint
 from core.report.data import ReportData
 from core.report.figures.canvas import (
@@ -105,7 +106,7 @@ def volume(data: ReportData) -> list[Drawing]:
     scale = Normalize(0.0, 1e3 * float(np.nanpercentile(sigma_mm, 98)))
     colours = colormaps["Blues"].with_extremes(bad=NO_DATA)
     for axes, row in zip(panels[0], shown, strict=True):
-        axes.set_title(f"{row['depth_mm']:.0f} mm away")
+        axes.set_title(f"{fixed(row['depth_mm'], 0)} mm away")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_visible(False)
         axes.imshow(1e3 * sigma_mm[row["layer"]], cmap=colours, norm=scale, interpolation="none")

@@ -11,8 +11,8 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QWidget
 
+from core.digits import fixed
 from core.evaluate import line_across
-from core.report.table import fixed
 from stripe_gui.presenters.evaluate import Choice, EvaluationView, distribution_text, plane_name, profile_text, profiles
 from stripe_gui.widgets.deviation_maps import DeviationMaps
 from stripe_gui.widgets.image_view import ARROWS, ImageView
