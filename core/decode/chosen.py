@@ -17,19 +17,24 @@ LIT = 0.3  # part of the contrast of the clearest stripes, from which a pixel se
 BRIGHT = 0.6  # part of the range of mean grey values beyond which a pixel is bright
 
 
-def take_sample(images: Sequence[Image]) -> Singles:
-    """Grey values of pixels spread over the image, shape (frames, pixels)."""
-    sample = np.stack([image[spread(image.shape)] for image in images])
+def take_sample(images: Sequence[Image], number: int = SAMPLE) -> Singles:
+    """Grey values of about so many pixels spread over the image, shape (frames, pixels)."""
+    sample = np.stack([image[spread(image.shape, number)] for image in images])
     return sample.reshape(len(images), -1).astype(np.float32)
 
 
-def spread(shape: tuple[int, ...]) -> tuple[slice, slice]:
+def spread(shape: tuple[int, ...], number: int = SAMPLE) -> tuple[slice, slice]:
     """Rows and columns of the pixels that `take_sample` takes of images of a shape."""
     height, width = shape
-    step = max(1, int(np.sqrt(height * width / SAMPLE)))
+    step = max(1, int(np.sqrt(height * width / number)))
     across = min(step, 4)  # neighbours share cache lines: rather fewer rows
     down = max(1, min(height // 16, step * step // across))
     return slice(down // 2, None, down), slice(None, None, across)
+
+
+def in_steady_light(sample: Singles, light: Array | None) -> Singles:
+    """What `flicker.steady` makes of grey values (frames, pixels)."""
+    return sample if light is None else np.einsum("fg,gn->fn", light.astype(np.float32), sample)
 
 
 def of_lit(
@@ -51,8 +56,7 @@ def of_lit(
         there = np.nonzero(seen.max(axis=0).astype(np.float32) - seen.min(axis=0) > limit)
         below, right = (part.step * at for part, at in zip((down, across), there, strict=True))
         more = np.stack([image[below, right] for image in images]).astype(np.float32)
-        more = more if light is None else np.einsum("fg,gn->fn", light.astype(np.float32), more)
-        sample = np.concatenate([sample, more], axis=1)
+        sample = np.concatenate([sample, in_steady_light(more, light)], axis=1)
         rows, columns = np.concatenate([rows, below]), np.concatenate([columns, right])
     return sample, np.stack([middles(columns, width), middles(rows, height)])
 
@@ -72,24 +76,30 @@ def places_of(shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[n
 
 
 def of_all_rows(
-    sample: Singles, found: Array, images: Sequence[Image], light: Array | None
+    sample: Singles, found: Array, images: Sequence[Image], light: Array | None, number: int
 ) -> tuple[Singles, NDArray[np.intp]]:
-    """The sample and its rows; every other one is the row above it, if it has even or odd ones alone that are unlike.
+    """A sample of such a number and its rows; every other is the row above it, if it has even or odd ones that differ.
 
     They are where a colour camera's pixels were interpolated to grey, of which every column shows two kinds by turns.
     """
-    part, columns = spread(images[0].shape)
+    part, columns = spread(images[0].shape, number)
     rows = np.arange(len(images[0]))[part]
     if part.step % 2:
         return sample, rows
-    above = np.stack([image[rows - 1, columns] for image in images]).astype(np.float32)
-    above = above if light is None else np.einsum("fg,gij->fij", light.astype(np.float32), above)
-    here, factors = sample.reshape(above.shape), found.astype(np.float32)
+    whole, factors = sample.reshape(len(images), len(rows), -1), found.astype(np.float32)
+    some = slice(None, None, max(1, number // SAMPLE))
+    here, above = whole[:, some], _above(images, rows[some], columns, light)
     own, others = (np.abs(np.einsum("kf,fij->kij", factors, each)) for each in (here, above))
     oftener, level = np.sign(others - own).mean(axis=0), here.mean(axis=0)
     bright = level >= level.min() + BRIGHT * np.ptp(level)  # in the dark, whole grey values make all noise alike
     if max(abs(oftener.mean()), abs(oftener[bright].mean())) < UNLIKE:
         return sample, rows
+    whole[:, 1::2] = _above(images, rows[1::2], columns, light)
     rows[1::2] -= 1
-    above[:, ::2] = here[:, ::2]
-    return above.reshape(sample.shape), rows
+    return sample, rows
+
+
+def _above(images: Sequence[Image], rows: NDArray[np.intp], columns: slice, light: Array | None) -> Singles:
+    """Grey values of the rows above some, (frames, rows, columns)."""
+    shown = np.stack([image[rows - 1, columns] for image in images]).astype(np.float32)
+    return in_steady_light(shown.reshape(len(images), -1), light).reshape(shown.shape)

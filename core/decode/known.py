@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.balance import balance
-from core.decode.chosen import of_lit, take_sample
+from core.decode.chosen import in_steady_light, of_lit, take_sample
 from core.decode.fitting import estimate_response
 from core.decode.flicker import steady
 from core.decode.frames import Image, SortedFrames, sort_frames
@@ -103,8 +103,7 @@ def measure(
     measured = [n for table in sequence.tables for n in (*table.phase_frames, *table.line_frames)]
     saturation = full_scale(images, tuple(measured), sample, options)
     tables, light = steady(sequence.tables, images, saturation)
-    if light is not None:
-        sample = np.einsum("fg,gn->fn", light.astype(np.float32), sample)
+    sample = in_steady_light(sample, light)
     seek = options.camera and known is None
     response, camera = estimate_response(sequence.waves, patterns, sample, saturation, images, seek)
     found = sequence.contrasts

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.chosen import BRIGHT, of_all_rows, places_of, spread
+from core.decode.chosen import BRIGHT, SAMPLE, in_steady_light, of_all_rows, places_of, spread, take_sample
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
 from core.decode.noise import (
     LEAST,
@@ -27,7 +27,8 @@ from core.errors import InputError
 from core.numerics import cut_off, quantile_of, quantum
 from core.parallel import run_in_bands
 
-RESIDUALS, FEWEST, BENT = 4096, 512, 2048  # residuals that are enough, but from no fewer pixels; where waves are bent
+RESIDUALS, FEWEST = 32768, 512  # residuals that are enough, but from no fewer pixels
+BENT = 4096, 2048  # the same where waves are bent, of which every pixel takes longer
 UNSATURATED = 100  # pixels without a saturated step, fewer do not tell the noise
 WHOLE = 1, 0.25  # steps of the grey values, part of a frame that must lie in one and not be saturated to tell it
 BY_LEVEL = 8, 0.01  # the same where bright places tell noise that dark ones do not
@@ -98,16 +99,18 @@ def measure_noise(
     step = quantum(sample) if images[0].itemsize > 1 else 1.0
     lines = [axis.lines for axis in frames.axes.values() if axis.lines is not None]
     if len(found):
-        sample, rows = of_all_rows(sample, found, images, light)
         used = np.abs(found).max(axis=0) > 0
-        fewest = BENT if bent else FEWEST
-        every = max(1, min(len(found) * sample.shape[1] // RESIDUALS, sample.shape[1] // fewest))
         numbers = np.arange(len(used)) if bent else np.flatnonzero(used)
-        telling, places = _with_more_bright(sample, rows, every, images, light, numbers)
+        number = SAMPLE if bent else max(SAMPLE, RESIDUALS // len(found))
+        shown, mixed = [images[n] for n in numbers.tolist()], None if light is None else light[np.ix_(numbers, numbers)]
+        sample = sample[numbers] if number == SAMPLE else in_steady_light(take_sample(shown, number), mixed)
+        sample, rows = of_all_rows(sample, found[:, numbers], shown, mixed, number)
+        enough, fewest = BENT if bent else (RESIDUALS, FEWEST)
+        every = max(1, min(len(found) * sample.shape[1] // enough, sample.shape[1] // fewest))
+        telling, places = _with_more_bright(sample, rows, every, shown, mixed, number, bool(bent))
         g = telling[used[numbers]]
-        g_top = g.max(axis=0)
+        g_top, swing = g.max(axis=0), np.ptp(g, axis=0)
         g = np.compress(g_top < saturation, g, axis=1)  # an index would leave it in a slower order
-        swing = np.ptp(telling[used[numbers]], axis=0)
         lit = swing > DIM * quantile_of(swing, 0.9)
         if np.count_nonzero(lit & (g_top < saturation)) < UNSATURATED < np.count_nonzero(lit & (g_top >= saturation)):
             return estimate_noise(*smoothest(images, saturation, *BY_LEVEL), step)
@@ -127,9 +130,10 @@ def measure_noise(
             unlit = robust_variance(residual[:, dim].ravel())
             # near 0, pixels of which no value is cut off are quiet by chance; the noise itself must not choose
             darkest = (g - np.einsum("kf,kn->fn", found[:, used].astype(np.float32), residual)).min(axis=0)
-            clear = whole & (darkest > CLEAR * robust_variance(residual[:, whole].ravel()) ** 0.5)
+            usual = robust_variance(np.compress(whole, residual, axis=1)[:, :: 1 + whole.size // SAMPLE].ravel()) ** 0.5
+            clear = whole & (darkest > CLEAR * usual)
             whole = clear if np.count_nonzero(clear) >= FEWEST else whole
-            residual, level = residual[:, whole], level[:, whole]
+            residual, level = (np.compress(whole, each, axis=1) for each in (residual, level))
         if bent or np.sum(residual[:, 1:] * residual[:, :-1]) > ALIKE * np.sum(np.square(residual)):
             crude = estimate_noise(residual.ravel(), level.ravel(), step, lowest)._replace(unlit=unlit)
             return _without_misfit(crude, (residual, level), found, images, saturation, bent, step)
@@ -181,32 +185,31 @@ def _with_more_bright(
     every: int,
     images: Sequence[Image],
     light: Array | None,
-    numbers: NDArray[np.intp],
+    number: int,
+    placed: bool,
 ) -> tuple[Singles, Array]:
-    """Every so many pixels of some frames' sample, which is of such rows, and their places; where few are bright, which
+    """Every so many pixels of a sample, which is of such rows, and if wanted their places; where few are bright, which
     show shot noise, with neighbours."""
-    sample, size = sample[numbers], images[0].shape
-    parts = spread(size)
+    size = images[0].shape
+    parts = spread(size, number)
     columns = np.arange(size[1])[parts[1]]
-    places = places_of(size, rows[:, None], columns)
-    places = places.reshape(len(places), -1)
+    places = places_of(size, rows[:, None], columns).reshape(5, -1) if placed else np.zeros((5, 0))
     level = sample.mean(axis=0)
     low, high = (quantile_of(level, share) for share in (0.005, 0.995))
     limit = low + BRIGHT * (high - low)
     bright = np.flatnonzero(level > limit)
-    if len(bright) > FEWEST:
+    if len(bright) > FEWEST * number // SAMPLE:
         return sample[:, ::every], places[:, ::every]
     around: list[NDArray[np.intp]] = []
     for index, each, part in zip(np.divmod(bright, len(columns)), (rows, columns), parts, strict=True):
         reach = min(1, (part.step - 1) // 2)  # none twice
         around.append(np.clip(each[index][:, None] + np.arange(-reach, reach + 1), 0, size[len(around)] - 1))
     down, across = (each.ravel() for each in np.broadcast_arrays(around[0][:, :, None], around[1][:, None, :]))
-    more = np.stack([images[n][down, across].astype(np.float32) for n in numbers.tolist()])
-    if light is not None:
-        more = np.einsum("fg,gn->fn", light[np.ix_(numbers, numbers)].astype(np.float32), more)
+    more = in_steady_light(np.stack([image[down, across].astype(np.float32) for image in images]), light)
     good = more.mean(axis=0) > limit
-    more, near = np.compress(good, more, axis=1), np.compress(good, places_of(size, down, across), axis=1)
-    return np.concatenate([sample[:, ::every], more], axis=1), np.concatenate([places[:, ::every], near], axis=1)
+    sample = np.concatenate([sample[:, ::every], np.compress(good, more, axis=1)], axis=1)
+    near = places_of(size, down[good], across[good]) if placed else places
+    return sample, np.concatenate([places[:, ::every], near], axis=1)
 
 
 def _without_misfit(

@@ -47,14 +47,14 @@ def test_pixels_at_blurred_edges_fall_to_both_sides_alike(blur_lines: float, con
 
 @pytest.mark.parametrize("blur_lines", [0.5, 0.8, 1.6])
 def test_dim_bits_claim_no_more_than_a_cell(blur_lines: float) -> None:
-    """From 5 standard deviations of the noise up, where a bit looks as at an edge wherever it is: none beyond six."""
+    """From 5 standard deviations of the noise up, where a bit looks as at an edge wherever it is."""
     rng = np.random.default_rng(1)
     u, contrast = places(300, rng), np.geomspace(10, 40, 300)[:, None]
     phase = decode(*taken(blur_lines, contrast, 1, u, rng), lines=(LINES, 1))
     known = np.isfinite(phase.u)
     error = np.abs(phase.u - u)[known] / phase.sigma_u[known]
     assert known.mean() > 0.7
-    assert np.count_nonzero(error > 6) <= 2
+    assert np.count_nonzero(error > 6) < 1e-4 * np.count_nonzero(known)  # with other noise 0 to 5 of 120,000
     assert 0.5 < np.sqrt(np.mean(error**2)) < 1.1
 
 
