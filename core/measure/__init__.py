@@ -14,6 +14,7 @@ rays.py           rays from the dots' centres, along which the image is sampled
 profile.py        contour, blur, background and plateau of every dot
 light.py          where the projector's light ends, in the camera's image
 lighting.py       how much the light changes across bright dots
+plateau.py        how much of it the middles of blurred dots still show
 faults.py         dots that must not be measured, and why
 corners.py        corners where straight edges cross or end; crossings.py finds those of a chessboard
 ellipse.py        centres by the fit of a blurred ellipse

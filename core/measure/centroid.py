@@ -32,6 +32,7 @@ BILINEAR = 4 / 9  # variance of a bilinear value at any place, over that of a pi
 CLIPPED = (
     0.01  # px that a clipped top leaves of 10 to 25 px dots at 2 to 20 times full scale, bloomed or not: 0.005..0.012
 )
+SECOND, SIXTH = np.array([1.0, -2.0, 1.0]), np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 BLURS_TO_EDGE, PIXEL = 2.5, 0.5  # how far a dot's middle pixel must be from its edge: blurs, and px
 
 
@@ -65,7 +66,9 @@ def centroids(
             cov = by_pixels + by_slope @ slopes @ by_slope
     diameter = 2.0 * np.sqrt(np.abs(np.linalg.det(rays.ellipse)))
     share = drawn_centroids(edge * diameter / 2, profile.spread, taper * diameter[:, None] / 2)
-    m, cov = undrawn(m + light * profile.spread[:, None] / WIDE, cov, profile.spread, share)
+    drawn = light * profile.spread[:, None] / WIDE  # a Gaussian's is a fifth more, a disc's as much less
+    cov = cov + (WIDE - 1) ** 2 * drawn[:, :, None] * drawn[:, None, :]
+    m, cov = undrawn(m + drawn, cov, profile.spread, share)
     clipped = profile.plateau >= image.max()  # retro-reflective dots and the like
     floor = np.where(clipped, CLIPPED, FLOOR / diameter)
     return m, cov + floor[:, None, None] ** 2 * np.eye(2)
@@ -75,20 +78,34 @@ def noise_model(image: NDArray[np.float32], rays: Rays, profile: Profiles, grain
     """Variance of grey values as ``a + b I``, from second differences along rows in backgrounds and plateaus.
 
     The second difference ``I(u-1) - 2 I(u) + I(u+1)`` of an even area has the variance 6 σ² about its mean, which small
-    dots' tops bend; clipping forgives the few that touch an edge. Where too few dots have a top, b is 0. Both
-    are of sums over pixels, such as centroids, which have `grain` times as much.
+    dots' tops bend; clipping forgives the few that touch an edge. Where too few dots have a top, sixth differences
+    across their middles tell b, for which a blurred dot is smooth enough. Both are of sums over pixels, such as
+    centroids, which have `grain` times as much.
     """
     ring = (profile.window * 1.05)[:, None] + np.array([0.0, 0.2, 0.4])
     low = _second_differences(image, rays, ring, np.ones(len(ring), bool))
     flat = profile.contour[:, 0] * rays.minor > BLURS_TO_EDGE * profile.blur + PIXEL
     if np.count_nonzero(flat) < max(3, 0.3 * len(flat)):
-        return grain.ground * _variance(low), 0.0
-    # one pixel less for the difference, and what rounding to whole pixels may add: of small dots the middle alone
-    deep = (np.maximum(profile.gentle - 1.7, 0.0) / rays.minor)[:, None] * np.array([0.5, 1.0])
-    high = _second_differences(image, rays, deep, flat)
-    rise = float(np.median(profile.contrast[flat]))
-    slope = grain.slope * (_variance(high) - _variance(low)) / max(rise, 1e-9)
+        above, rise = _middles(image, rays, profile)
+    else:
+        # one pixel less for the difference, and what rounding to whole pixels may add: of small dots the middle alone
+        deep = (np.maximum(profile.gentle - 1.7, 0.0) / rays.minor)[:, None] * np.array([0.5, 1.0])
+        above = _variance(_second_differences(image, rays, deep, flat))
+        rise = float(np.median(profile.contrast[flat]))
+    slope = grain.slope * (above - _variance(low)) / max(rise, 1e-9)
     return grain.ground * _variance(low) - slope * float(np.median(profile.plane[:, 0])), slope
+
+
+def _middles(image: NDArray[np.float32], rays: Rays, profile: Profiles) -> tuple[float, float]:
+    """Variance of a pixel by sixth differences along rows across the middles of dots, and its height above ground."""
+    u, v = np.rint(rays.centre).astype(int).T
+    ok = (u >= 3) & (v >= 1) & (u < image.shape[1] - 3) & (v < image.shape[0] - 1)
+    if np.count_nonzero(ok) < 3:
+        return 0.0, np.inf
+    rows, columns = v[ok, None] + np.arange(-1, 2), u[ok, None] + np.arange(-3, 4)
+    seen = image[rows[:, :, None], columns[:, None, :]]
+    above = (seen - profile.plane[ok, 0, None, None]) @ np.square(SIXTH) / np.sum(np.square(SIXTH))
+    return _variance((seen @ SIXTH).ravel(), SIXTH), float(np.median(above))
 
 
 def _second_differences(image: NDArray[np.float32], rays: Rays, radius: Array, use: NDArray[np.bool_]) -> Array:
@@ -100,9 +117,9 @@ def _second_differences(image: NDArray[np.float32], rays: Rays, radius: Array, u
     return np.asarray(image[v, u - 1] - 2.0 * image[v, u] + image[v, u + 1], np.float64)
 
 
-def _variance(differences: Array) -> float:
-    """Variance of a pixel from second differences, with a few outliers clipped at three sigma."""
+def _variance(differences: Array, weights: Array = SECOND) -> float:
+    """Variance of a pixel from differences by such weights, with a few outliers clipped at three sigma."""
     if not len(differences):
         return 0.0
     rounding = 1 / 12 if np.all(differences == np.rint(differences)) else 0.0  # whole grey values
-    return max(clipped_variance(differences) / 6, rounding)
+    return max(clipped_variance(differences) / float(weights @ weights), rounding)

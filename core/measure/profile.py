@@ -19,6 +19,7 @@ FOOT = 0.25  # share of the contrast at which a second contour shows what is too
 PLATEAU = np.array([0.0, 0.15, 0.3, 0.45])
 READ_BETWEEN = 1 / 6  # px²: variance of the triangle that bilinear reading at any place blurs by, on average
 DEEP = np.linspace(0.0, 0.9, 10)
+EDGE = 1.683  # sigmas from 80 % to 20 % of a Gaussian's straight edge
 # contour radius over the angle: size, centre, tilt
 HARMONICS = np.stack([np.ones(RAYS), *DIRECTIONS.T, np.cos(2 * ANGLES), np.sin(2 * ANGLES)], axis=1)
 FIT = np.linalg.pinv(HARMONICS)
@@ -109,9 +110,8 @@ def _outlined(image: Floats, rays: Rays, spacing: Array) -> tuple[Outlines, Arra
     share = _share(value, radius, rays, plane, plateau)
     crossing, closed = _crossing(share, radius, 0.5)
     contour = crossing @ FIT.T
-    # a Gaussian's edge needs 1.683 sigma from 80 % to 20 %
     width = (_crossing(share, radius, 0.2)[0] - _crossing(share, radius, 0.8)[0]) * along
-    blur = np.clip(row_median(width) / 1.683, 0.3, 4.0)
+    blur = np.clip(row_median(width) / EDGE, 0.3, 4.0)
 
     window = np.minimum(contour[:, 0] + (3.0 * blur + 1.0) / minor, np.maximum(spacing / 2, 1.0 + 1.0 / minor))
     plane, slopes = _background(image, rays, window, spacing, rounds=3)

@@ -21,6 +21,7 @@ from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
 from core.measure.lighting import light_gradient
 from core.measure.missing import EXCLUDED, reasons
 from core.measure.picks import check_picks, snap
+from core.measure.plateau import plateau_share
 from core.measure.profile import PLATEAU, Profiles, outlines, profiles
 from core.measure.propose import find_dots, propose_picks
 from core.measure.rays import Rays
@@ -84,7 +85,8 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     cut = half_lit(image, modulation, rays, profile, dark)
     shown = row_median(rays.sample(modulation, PLATEAU).reshape(len(target), -1)) / profile.contrast
     shadowed = shown < SHADOW * np.nanmedian(shown)
-    light, unsure = _light(moved, np.where(cut, np.nan, profile.contrast), profile, shadowed, dark)
+    bright = profile.contrast / plateau_share(rays.ellipse * profile.contour[:, 0, None, None], profile.blur)
+    light, unsure = _light(moved, np.where(cut, np.nan, bright), profile, shadowed, dark)
     ground = PLAIN if coded else grain(image, rays, profile.window, (profile.gentle - TOUCHED) / rays.minor)
     noise = noise_model(image, rays, profile, ground)
     uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise)
