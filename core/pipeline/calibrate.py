@@ -227,20 +227,38 @@ def methods_in_use(project: Project) -> list[Method]:
 def load_calibrations(project: Project) -> dict[Method, Calibration]:
     """Read the calibrations that the project has.
 
+    Those of another camera or projector are named and left out beside a photogrammetric one of the project's devices.
+
     Raises
     ------
     InputError
-        If there is none, or one is of another camera or projector than the project's.
+        If there is none, or one is of another camera or projector and no photogrammetric one is of the project's.
     """
-    return {name: _loaded(project, name) for name in methods_in_use(project)}
+    found: dict[Method, Calibration] = {}
+    others: list[InputError] = []
+    for name in methods_in_use(project):
+        calibration, other = _read(project, name)
+        if other is None:
+            found[name] = calibration
+        else:
+            others.append(other)
+    if others and not any(isinstance(one, PhotogrammetricCalibration) for one in found.values()):
+        raise others[0]
+    for error in others:
+        logging.getLogger(__name__).warning("left out: %s", error)
+    return found
 
 
-def _loaded(project: Project, name: Method) -> Any:
+def _read(project: Project, name: Method) -> tuple[Any, InputError | None]:
+    """Read a calibration, and say what is wrong where it is of another rig than project.json describes."""
     path = calibration_file(project, f"{name}.npz")
     assert path is not None
     found: Any = load_archive(path, METHODS[name].result)
-    _check_rig(path, METHODS[name].devices(project, found))
-    return found
+    for device, there, then in METHODS[name].devices(project, found):
+        if (then.width, then.height, then.pitch_mm) != (there.width, there.height, there.pitch_mm):
+            seen = f"is of a {device} of {_size(then)}, the one in project.json has {_size(there)}"
+            return found, InputError(path, seen, f"calibrate by {name} again, or correct project.json")
+    return found, None
 
 
 def chosen_calibration(project: Project, method: Method | None = None) -> tuple[Method, Any]:
@@ -252,7 +270,10 @@ def chosen_calibration(project: Project, method: Method | None = None) -> tuple[
     if chosen not in there:
         remedy = f"run `stripe-core calibrate --method {chosen}` first"
         raise InputError(project.path, f"no {chosen} calibration", remedy)
-    return chosen, _loaded(project, chosen)
+    found, other = _read(project, chosen)
+    if other is not None:
+        raise other
+    return chosen, found
 
 
 def photogrammetric_calibration(project: Project) -> PhotogrammetricCalibration:
@@ -269,17 +290,6 @@ def load_adjustment(project: Project) -> Adjustment:
     path = calibration_file(project, ADJUSTMENT) or result_path(project, ADJUSTMENT)
     found: Adjustment = load_archive(path, Adjustment)
     return found
-
-
-def _check_rig(path: Path, devices: Sequence[tuple[str, DeviceSpec, DeviceSpec]]) -> None:
-    """See that a calibration is of the rig that project.json describes."""
-    for name, there, then in devices:
-        if (then.width, then.height, then.pitch_mm) != (there.width, there.height, there.pitch_mm):
-            raise InputError(
-                path,
-                f"is of a {name} of {_size(then)}, the one in project.json has {_size(there)}",
-                "calibrate again, or correct project.json",
-            )
 
 
 def _size(spec: DeviceSpec) -> str:

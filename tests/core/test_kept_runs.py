@@ -14,6 +14,7 @@ from core.errors import AdjustmentError, Cancelled, InputError
 from core.geometry import LENSES, matrix_from_rotation_vector
 from core.model import Adjustment, PhotogrammetricCalibration
 from core.pipeline import CalibrateOptions, calibrate_project, runs
+from core.pipeline.calibrate import chosen_calibration
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import (
     Run,
@@ -29,6 +30,7 @@ from core.pipeline.signing import save_sign_off
 from core.progress import Progress
 from core.project import load_archive, read_capture, read_image, read_project, write_image, write_picks
 from core.report import SignOff
+from tests.copies import copied
 
 
 def decoded(project, **choices) -> list[str]:
@@ -348,3 +350,22 @@ def test_a_plate_without_targets_is_named_where_no_pixel_sees_the_plates_move(
     edit_json(picks, seeds=seeds)
     assert main(["calibrate", str(calibrated), "--method", "polynomial"]) == 1
     assert "First see to this: depth-02: none of its targets was measured: pick" in capsys.readouterr().err
+
+
+def test_a_calibration_of_another_camera_is_left_out_beside_a_new_one(
+    calibrated_original: Path, tmp_path: Path, capsys, caplog
+) -> None:
+    folder = copied(calibrated_original, tmp_path / "project")
+    data = json.loads((folder / "project.json").read_text())
+    data["camera"]["pitch_mm"] = [1.1 * pitch for pitch in data["camera"]["pitch_mm"]]
+    data["camera"]["nominal_c_mm"] *= 1.1
+    (folder / "project.json").write_text(json.dumps(data))
+    assert main(["evaluate", str(folder)]) == 2  # both are of the other
+    assert main(["calibrate", str(folder), "--method", "photogrammetric"]) == 0
+    assert "kept as run 2" in capsys.readouterr().out
+    assert "polynomial.npz: is of a camera of" in caplog.text
+    assert main(["evaluate", str(folder), "--json", str(tmp_path / "e.json")]) == 0
+    assert {row["method"] for row in json.loads((tmp_path / "e.json").read_text())["planes"]} == {"photogrammetric"}
+    assert chosen_calibration(read_project(folder))[0] == "photogrammetric"
+    with pytest.raises(InputError, match=r"calibrate by polynomial again"):
+        chosen_calibration(read_project(folder), "polynomial")
