@@ -20,7 +20,7 @@ from core.calibrate.initial import initial_state, misplaced, oriented_anew
 from core.calibrate.normals import SingularNormalsError
 from core.calibrate.problem import Problem, problem_of
 from core.calibrate.robust import misfits, robust_state
-from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network
+from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network, selected
 from core.calibrate.snooping import (
     far_off,
     far_off_error,
@@ -43,6 +43,7 @@ from core.calibrate.solve import (
     solve,
 )
 from core.calibrate.state import State
+from core.calibrate.stations import NoPoseError
 from core.calibrate.weakness import MirroredError, PointsError, behind_warning, geometry_warnings, usual_variance
 from core.errors import AdjustmentError
 from core.lazy import dataclass
@@ -50,6 +51,7 @@ from core.model import Adjustment, Array, Concern, Network
 from core.progress import SILENT, Progress
 
 UNEVEN = 2.0  # variance of a solution over that of the bulk of its observations, likewise
+POSELESS = 8  # stations, of which one at most may fit no pose
 ORIENTED = 3  # times
 SAME = 1e-6  # share by which the variances of one and the same solution differ
 SAME_START = 1e-3  # and vᵀPv of approximate values that lead nowhere else
@@ -166,7 +168,8 @@ def _solved(
     if near is not None and _same_unknowns(near.network, network):
         state, earlier = near.state, near.convergence
     else:
-        state = initial_state(network, problem)
+        network, problem, state, more = _begun(network, problem, options)
+        warnings += more
         network, problem, state, more = misplaced(network, problem, state)
         warnings += more
     rejected = 0
@@ -208,6 +211,26 @@ def _solved(
     warnings += outlier_warning(solved.network, solved.problem, _sizes_of_errors(solved))
     progress(1.0, "adjusted")
     return replace(solved, convergence=(*earlier, *solved.convergence[bool(earlier) :])), warnings
+
+
+def _begun(network: Network, problem: Problem, options: AdjustOptions) -> tuple[Network, Problem, State, Warnings]:
+    """Approximate values; stations whose points fit no pose are left out and named if they are few, when rejecting."""
+    warnings: Warnings = []
+    failure: NoPoseError | None = None
+    for _ in range(1 + len(network.station_names) // POSELESS):
+        try:
+            return network, problem, initial_state(network, problem), warnings
+        except NoPoseError as error:
+            failure = failure or error
+            if options.reject_beyond is None:
+                break
+            station = network.station_names.index(error.where.removeprefix("station "))
+            network, more = adjustable(selected(network, network.observation_station != station))
+            problem = problem_of(network)
+            refuse_unredundant(problem)
+            warnings += [Concern("doubtful", f"left out, {error.seen}: {error.where}"), *more]
+    assert failure is not None
+    raise failure
 
 
 def _same_unknowns(one: Network, other: Network) -> bool:

@@ -99,6 +99,10 @@ def in_own_lenses(network: Network, state: State) -> State:
     return replace(state, interior=interior)
 
 
+class NoPoseError(AdjustmentError):
+    """A station whose points fit no pose; others may fit theirs."""
+
+
 def nominal_r0(spec: DeviceSpec) -> float:
     """Zero of the radial parameters where a device is described by the lens that the kernels know."""
     return spec.interior.r0_mm if spec.interior is not None and spec.model == COMPILED else spec.zero_radius_mm
@@ -160,7 +164,7 @@ def _candidates(network: Network, problem: Problem, stations: list[int]) -> list
         enough = len(rows) >= LEAST_POINTS
         poses = resect_despite_errors(problem.approximate[problem.point[rows]], tangents[rows]) if enough else []
         if not poses:
-            raise AdjustmentError(
+            raise NoPoseError(
                 f"station {network.station_names[stations[k]]}",
                 f"no pose explains its {len(rows)} points",
                 "check their identities, the axis directions and the nominal focal length, or leave the station out",

@@ -118,6 +118,22 @@ def test_of_a_capture_only_the_image_that_is_wrong_is_left_out(simulate):
     assert left_out(network, adjustment) == {"4/camera": len(rows)}
 
 
+def test_a_station_that_no_pose_explains_is_left_out_and_named(simulate):
+    """Its points lie anywhere, as of frames in a wrong order."""
+    network = simulate(poses=12, seed=4).network
+    rows = np.flatnonzero(network.observation_station == network.station_names.index("7/projector"))
+    uv = network.observation_uv.copy()
+    uv[rows] = np.random.default_rng(3).uniform(0, 500, (len(rows), 2))
+    wrong = replace(network, observation_uv=uv)
+    with pytest.raises(AdjustmentError, match="station 7/projector: no pose explains its"):
+        adjust(wrong, options=replace(REJECTING, reject_beyond=None))
+    adjustment = adjust(wrong, options=REJECTING)
+    assert left_out(network, adjustment) == {"7/projector": len(rows)}
+    assert any(w.startswith("left out, no pose explains its") and "7/projector" in w for w in adjustment.warnings)
+    expected = adjust(without_stations(network, ("7/projector",)), options=REJECTING)
+    assert np.allclose(adjustment.points_mm, expected.points_mm, atol=1e-5)
+
+
 @pytest.mark.parametrize("size_px", [0.5, 200.0])
 def test_several_single_errors_in_one_image_do_not_take_the_image_with_them(simulate, size_px):
     network = simulate(poses=9, seed=3).network
