@@ -18,7 +18,7 @@ from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
-from matplotlib.ft2font import FT2Font, LoadFlags
+from matplotlib.ft2font import FT2Font
 from reportlab.pdfgen.canvas import Canvas
 
 from core.lazy import dataclass
@@ -228,8 +228,8 @@ def width_in(text: str, size_pt: float) -> float:
     True
     """
     font = _font()
-    font.set_size(100, 72)
-    font.set_text(text, flags=LoadFlags.NO_HINTING)  # whole pixels are too coarse
+    font.set_size(100, 72)  # of such letters the whole pixels to which they are hinted matter little
+    font.set_text(text)
     return float(font.get_width_height()[0]) / 64 / 100 * size_pt / 72
 
 

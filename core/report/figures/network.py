@@ -143,7 +143,7 @@ def _powers(text: str) -> str:
 
 def _correlations(found: Correlations) -> Drawing:
     correlation, names, n = found.values, found.names, len(found.names)
-    labels = [drawable(name) for name in names]
+    labels = [drawable(shortened(name, 40)) for name in names]
     size = float(np.clip(180 / n, 3.5, 8.0))
     beside = 0.1 + max(width_in(label, size) for label in labels)
     side = min(max(2.0, 0.27 * n), WIDTH_IN - beside - SCALE_IN)
