@@ -168,7 +168,8 @@ def _solved(
     if near is not None and _same_unknowns(near.network, network):
         state, earlier = near.state, near.convergence
     else:
-        network, problem, state, more = _begun(network, problem, options)
+        spare = 0 if options.reject_beyond is None else len(network.station_names) // POSELESS
+        network, problem, state, more = _begun(network, problem, spare)
         warnings += more
         network, problem, state, more = misplaced(network, problem, state)
         warnings += more
@@ -213,24 +214,23 @@ def _solved(
     return replace(solved, convergence=(*earlier, *solved.convergence[bool(earlier) :])), warnings
 
 
-def _begun(network: Network, problem: Problem, options: AdjustOptions) -> tuple[Network, Problem, State, Warnings]:
-    """Approximate values; stations whose points fit no pose are left out and named if they are few, when rejecting."""
-    warnings: Warnings = []
-    failure: NoPoseError | None = None
-    for _ in range(1 + len(network.station_names) // POSELESS):
+def _begun(network: Network, problem: Problem, spare: int) -> tuple[Network, Problem, State, Warnings]:
+    """Approximate values; up to `spare` stations whose points fit no pose are left out and named."""
+    try:
+        return network, problem, initial_state(network, problem), []
+    except NoPoseError as failure:
+        if not spare:
+            raise
+        station = network.station_names.index(failure.where.removeprefix("station "))
         try:
-            return network, problem, initial_state(network, problem), warnings
-        except NoPoseError as error:
-            failure = failure or error
-            if options.reject_beyond is None:
-                break
-            station = network.station_names.index(error.where.removeprefix("station "))
-            network, more = adjustable(selected(network, network.observation_station != station))
+            network, warnings = adjustable(selected(network, network.observation_station != station))
             problem = problem_of(network)
             refuse_unredundant(problem)
-            warnings += [Concern("doubtful", f"left out, {error.seen}: {error.where}"), *more]
-    assert failure is not None
-    raise failure
+            network, problem, state, more = _begun(network, problem, spare - 1)
+        except AdjustmentError:  # the first one tells most
+            raise failure from None
+        told = Concern("doubtful", f"left out, {failure.seen}: {failure.where}")
+        return network, problem, state, [told, *warnings, *more]
 
 
 def _same_unknowns(one: Network, other: Network) -> bool:

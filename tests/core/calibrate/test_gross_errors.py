@@ -134,6 +134,16 @@ def test_a_station_that_no_pose_explains_is_left_out_and_named(simulate):
     assert np.allclose(adjustment.points_mm, expected.points_mm, atol=1e-5)
 
 
+def test_of_two_stations_the_one_that_no_pose_explains_is_named(simulate):
+    """Not what would be missing without it: without any other, no point is seen by two rays."""
+    network = simulate(poses=2, use=("camera",), seed=4).network
+    uv, name = network.observation_uv.copy(), network.station_names[-1]
+    rows = np.flatnonzero(network.observation_station == len(network.station_names) - 1)
+    uv[rows] = np.random.default_rng(3).uniform(0, 500, (len(rows), 2))
+    with pytest.raises(AdjustmentError, match=f"station {name}: no pose explains its"):
+        adjust(replace(network, observation_uv=uv), options=REJECTING)
+
+
 @pytest.mark.parametrize("size_px", [0.5, 200.0])
 def test_several_single_errors_in_one_image_do_not_take_the_image_with_them(simulate, size_px):
     network = simulate(poses=9, seed=3).network
