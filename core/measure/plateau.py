@@ -13,7 +13,7 @@ import numpy as np
 from core.measure.profile import EDGE, PLATEAU
 from core.measure.rays import DIRECTIONS
 from core.model import Array
-from core.numerics import inverse_2x2, row_median
+from core.numerics import row_median
 
 SHARP = 4.5  # blurs of radius from which the middle shows all
 RADII = np.linspace(1.6, 5.0, 69)  # blurs
@@ -31,30 +31,29 @@ def plateau_share(contour: Array, blur: Array) -> Array:
     if soft.any():
         seen, by_radius, by_blur = _as_seen()
         factor = np.interp(size[soft], seen, by_radius / by_blur) / blur[soft]
-        share[soft] = row_median(_blurred(contour[soft] * factor[:, None, None], INSIDE, DIRECTIONS))
+        share[soft] = row_median(_blurred(contour[soft] * factor[:, None, None], INSIDE))
     return share
 
 
-def _blurred(ellipse: Array, places: Array, directions: Array) -> Array:
+def _blurred(ellipse: Array, places: Array) -> Array:
     """Light (m, k) at places (k, 2) in units of evenly bright ellipses (m, 2, 2), in blurs.
 
-    Around each place the blur lies in rings: in each direction those count that lie within the ellipse.
+    A blur is the divergence of (1 - exp(-r²/2)) / r² times the vector r: what leaves through the outline lies within.
     """
-    along = directions @ np.swapaxes(inverse_2x2(ellipse), 1, 2)  # (m, directions, 2): what a blur is in the unit disc
-    square = np.sum(along**2, axis=2)[:, None]
-    half = places @ np.swapaxes(along, 1, 2)  # (m, k, directions)
-    root = np.sqrt(np.maximum(half**2 + square * (1 - np.sum(places**2, axis=1)[:, None]), 0))
-    begin, end = (np.maximum((sign * root - half) / square, 0) for sign in (-1, 1))
-    return np.asarray((np.exp(-(begin**2) / 2) - np.exp(-(end**2) / 2)).mean(axis=2))
+    unit = np.swapaxes(ellipse, 1, 2)
+    away = (DIRECTIONS @ unit)[:, None] - (places @ unit)[:, :, None]  # (m, k, directions, 2)
+    along = (DIRECTIONS @ [[0, 1], [-1, 0]] @ unit)[:, None]
+    square = np.maximum(np.sum(away**2, axis=3), 1e-12)
+    outward = away[..., 0] * along[..., 1] - away[..., 1] * along[..., 0]
+    return np.abs((-np.expm1(-square / 2) / square * outward).mean(axis=2))  # also of mirrored ones
 
 
 @cache
 def _as_seen() -> tuple[Array, Array, Array]:
     """Of blurred discs the radius as seen over the blur as seen, and the true ones over those as seen."""
-    at = np.linspace(0.2, 2.6, 481)
-    discs, turn = RADII[:, None, None] * np.eye(2), np.linspace(0, 2 * np.pi, 360, endpoint=False)
-    light = _blurred(discs, np.stack([at, np.zeros_like(at)], axis=1), np.stack([np.cos(turn), np.sin(turn)], axis=1))
-    shown = row_median(_blurred(discs, INSIDE, DIRECTIONS))
+    at = np.linspace(0.2, 2.6, 161)
+    discs = RADII[:, None, None] * np.eye(2)
+    light, shown = _blurred(discs, np.stack([at, np.zeros_like(at)], axis=1)), row_median(_blurred(discs, INSIDE))
     outer, radius, inner = (
         RADII * [np.interp(-part * top, -each, at) for top, each in zip(shown, light, strict=True)]
         for part in (0.2, 0.5, 0.8)
