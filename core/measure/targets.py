@@ -25,6 +25,7 @@ DEEP = 0.2  # of a board's size that its targets' z may span; more is said where
 READ_DOUBT = 0.5  # share of the softer side's light that depends on the print round a target, per px of its widening
 BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
 RIM_BLURS = 4.0  # from a dot's edge to where its light changes by less than noise
+BLURRED = 0.7  # part of what the light's slope does that decoding leaves in a dot without such a middle: 0.5 to 1
 ROUGH = 2.0  # times that of four pixels: with a greater sigma a dot is decoded wrongly towards its rim
 
 
@@ -163,13 +164,14 @@ def _drawn_by_light(marks: Marks) -> Array:
     """How far (m, 2), px, to the brighter side of uneven light it is that projector coordinates are read.
 
     Decoding takes out what changes of the light do that are beyond noise, as at a dot's rim. The light's own slope, in
-    the middle of a dot, is not.
+    the middle of a dot, is not; where the rim's blur reaches the middle, some of it is.
     """
     if marks.light is None:
         return np.zeros_like(marks.uv)
     radius = np.sqrt(np.abs(np.linalg.det(marks.ellipse)))
-    middle = np.clip((radius - RIM_BLURS * marks.blur) / (INTERIOR * radius), 0, 1) ** 2
-    return (middle * np.maximum(marks.blur**2 - READ_BETWEEN, 0) / WIDE)[:, None] * marks.light
+    middle = np.clip((radius - RIM_BLURS * marks.blur) / (INTERIOR * radius), 0, 1)
+    share = BLURRED + (1 - BLURRED) * middle
+    return (share * np.maximum(marks.blur**2 - READ_BETWEEN, 0) / WIDE)[:, None] * marks.light
 
 
 def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
