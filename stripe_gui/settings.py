@@ -18,6 +18,10 @@ class Settings:
         else:
             self._store = QSettings(str(file), QSettings.Format.IniFormat)
 
+    def close(self) -> None:
+        """Write now what would be written later, into a folder that may be gone by then."""
+        self._store.sync()
+
     def text(self, key: str, default: str = "") -> str:
         return str(self._store.value(key, default))
 

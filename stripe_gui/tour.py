@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import cv2
@@ -67,8 +68,12 @@ def _demo(folder: Path) -> Path:
 def _pictures(out: Path, project: Path | None, scale: str) -> int:
     out.mkdir(parents=True, exist_ok=True)
     application = make_application()
-    with tempfile.TemporaryDirectory() as temporary, collected_here():
-        bench = Workbench(Settings(Path(temporary) / "settings.ini"))
+    with (
+        tempfile.TemporaryDirectory() as temporary,
+        closing(Settings(Path(temporary) / "settings.ini")) as settings,
+        collected_here(),
+    ):
+        bench = Workbench(settings)
         program = Program(application, bench)
         problems: list[str] = []
         bench.noticed.connect(lambda notice: problems.append(notice.happened) if notice.kind == "error" else None)

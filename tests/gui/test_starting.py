@@ -53,10 +53,12 @@ def test_other_systems_and_a_chosen_platform_are_not_looked_at() -> None:
 def test_the_tour_pictures_pages_light_and_dark_at_double_scale(finished: Path, tmp_path: Path) -> None:
     """As the tour starts itself for each scale; all pages and parts are walked at single scale (test_geometry)."""
     pages = ("start", "evaluate")
-    program, scale = ("-c", TOUR, " ".join(pages)), {SCALE: "2", "QT_SCALE_FACTOR": "2"}
-    done = run("--tour", str(tmp_path / "tour"), str(finished), program=program, **scale)
+    (temporary := tmp_path / "temporary").mkdir()
+    program, environment = ("-c", TOUR, " ".join(pages)), {SCALE: "2", "QT_SCALE_FACTOR": "2", "TMPDIR": str(temporary)}
+    done = run("--tour", str(tmp_path / "tour"), str(finished), program=program, **environment)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
+    assert not list(temporary.iterdir())
     pictures = sorted((tmp_path / "tour").glob("*.png"))
     for page in pages:
         for theme in ("light", "dark"):
