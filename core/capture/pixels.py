@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.model import Capture
 from core.model.finding import Finding
 from core.numerics import compressed_in_blocks, median_of, quantile_of, spaced
-from core.patterns import level_of
+from core.patterns import Pattern, level_of
 
 IRRATIONAL = 0.618034, 0.7548776662  # by which whole numbers along two axes have nothing to do with each other
 GRID = 12_000  # pixels sampled
@@ -29,6 +29,7 @@ EVEN = 0.5  # of the others: a camera's image is not so even where it is lit
 REPEATED = 0.15  # of the columns and of the rows; of noise none, and half of them where two pixels were made of one
 HALF = 0.4, 0.6  # of the rows, where every second one is a copy
 FRAMES, UNLIKE, LIKE = 8, 0.25, 0.1  # that are looked at; of the range of grey values
+WHITE, ELSEWHERE = 0.98, 0.2  # of the pixels: at the greatest grey value in one frame at least, in others at most
 COMBED = 0.15, 0.03  # of the rows in the median, at least, and of the columns; sound frames of two rigs have none
 ROUGHER = 2.0  # sound frames of 8 to 12 bits have at most 1; exchanged ones 3.2 to 50, on three captures of one rig
 
@@ -86,6 +87,19 @@ def compressed(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:
         return []
     text = "frames were compressed with losses, in blocks of 8 px as JPEG makes them: record without compression"
     return [Finding("compression", "warning", text)]
+
+
+def blank(patterns: Sequence[Pattern], images: Sequence[NDArray]) -> list[Finding]:
+    """Frames of stripes that have the greatest grey value all over, which no other frame has so much of."""
+    thin = [image[::8, ::8] for image in images]
+    most = max(int(image.max()) for image in thin)
+    share = np.array([float(np.mean(image == most)) for image in thin])
+    white = np.flatnonzero((share > WHITE) & [level_of(p) != 1 for p in patterns])
+    if len(white) != 1 or np.delete(share, white).max(initial=0.0) > ELSEWHERE:
+        return []
+    k = int(white[0])
+    text = f"frame {k} has grey value {most} all over, as no other frame has: the camera failed there; record it again"
+    return [Finding("identity", "bad", text, shots=(k,), names="value")]
 
 
 def enlarged(images: Sequence[NDArray]) -> list[Finding]:

@@ -26,6 +26,7 @@ from core.capture.pixels import (
     GRID,
     IRRATIONAL,
     LEAST_LIT,
+    blank,
     bytes_exchanged,
     combed,
     compressed,
@@ -77,7 +78,7 @@ def check_stored(
     if len({(f.camera, f.projector) for f in capture.frames}) > 1:
         return []  # frames of several devices are no one sequence
     patterns = [frame.pattern for frame in capture.frames]
-    if told := [*bytes_exchanged(images), *enlarged(images), *combed(images)]:
+    if told := [*bytes_exchanged(images), *blank(patterns, images), *enlarged(images), *combed(images)]:
         return told
     exposures = sorted({f.exposure_ms for f in capture.frames if f.exposure_ms is not None})
     if len(exposures) > 1:

@@ -204,6 +204,7 @@ EXCHANGED: dict[str, tuple[Callable[[Frames], Frames], str]] = {
     "sorted as text": (lambda f: [f[k] for k in sorted(range(len(f)), key=str)], "sorted by number: now 10 stands"),
     "one inverted": (lambda f: [255 - i if k == 3 else i for k, i in enumerate(f)], "frame 3 .*its inverse"),
     "one black": (lambda f: [0 * i if k == 3 else i for k, i in enumerate(f)], "frame 3 .*shows black"),
+    "one white": (lambda f: [255 + 0 * i if k == 3 else i for k, i in enumerate(f)], "^frame 3 has grey value 255 all"),
     "white and black exchanged": (lambda f: swapped(f, -1, -2), "exchanged"),
     "mirrored": (lambda f: [np.ascontiguousarray(i[:, ::-1]) for i in f], "mirrored"),
     "upside down": (lambda f: [np.ascontiguousarray(i[::-1]) for i in f], "mirrored"),
