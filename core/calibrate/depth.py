@@ -26,6 +26,7 @@ from core.errors import AdjustmentError, InputError
 from core.geometry import Pose
 from core.lazy import dataclass
 from core.model import Array, DepthCalibration, DeviceSpec, Floats, Interior, PhaseMap, TargetSet, Testfield
+from core.numerics import fisher_limit
 from core.progress import SILENT, Progress
 
 WHERE = "depth captures"
@@ -33,6 +34,8 @@ MOST_DEGREE = 7
 OUTLIER_FACTOR = 6.0  # a pixel whose residuals exceed so many times what its noise explains has a gross error
 CELL_PX = 8  # the noise of the curves is kept in cells of this side
 CLEARLY = 0.95  # times the residuals of targets by nominal coordinates
+FEW = 7  # px, along rows and columns, between pixels that tell whether curves bend more than polynomials
+LEVEL = 0.001  # chance that they do not
 TOO_MANY_LOST = 0.02  # share of pixels without a usable curve that is worth a warning
 
 
@@ -160,6 +163,7 @@ def calibrate_depth(
         axis_direction=oriented.axis_direction,
         warnings=(*oriented.warnings, *lost),
         noise_rms_mm=_noise_rms(curves, sigma, travel_mm, good),
+        bent_rms_mm=0.0 if options.degree is None else _left_bent(depths, judged, curves, good),
         covariance=oriented.covariance,
         curve_noise_lines=_in_cells(variance, good),
     )
@@ -251,6 +255,31 @@ def _mean_sigma(sigmas: Sequence[Floats]) -> Floats:
 
 def _rms(curves: Curves, good: NDArray[np.bool_]) -> float:
     return float(np.sqrt(curves.squares[good].sum(dtype=np.float64) / max(int(curves.count[good].sum()), 1)))
+
+
+def _left_bent(depths: Array, judged: Floats, curves: Curves, good: NDArray[np.bool_]) -> float:
+    """What one degree more would explain of the residuals in depth, r.m.s.; 0 where positions that are off would, too.
+
+    The mean residual of each plate is nearly free of noise. H0: its part along the next polynomial is like the rest.
+    """
+    thin = (slice(None, None, FEW), slice(None, None, FEW))
+    use = good[thin] & np.isfinite(judged[:, *thin]).all(axis=0)
+    degree = len(curves.coefficients) - 1
+    free = len(depths) - degree - 2
+    if free < 1 or not use.any():
+        return 0.0
+    low, high = (each[thin][use] for each in curves.u_range)
+    t = (2 * judged[:, *thin][:, use] - low - high) / (high - low)
+    found = np.zeros(t.shape)
+    for own in curves.coefficients[::-1]:
+        found = found * t + own[thin][use]
+    rest = found - depths[:, None]
+    mean = np.asarray(rest.mean(axis=1))
+    polynomials = np.linalg.qr(np.vander(t.mean(axis=1), degree + 2, increasing=True))[0]
+    along = float(np.dot(polynomials[:, -1], mean)) ** 2
+    if along * free <= fisher_limit(1, free, LEVEL) * (float(np.dot(mean, mean)) - along):
+        return 0.0
+    return _rms(curves, good) * (along / len(depths) / float(np.mean(rest**2, dtype=np.float64))) ** 0.5
 
 
 def _noise_rms(curves: Curves, sigma: Floats, travel_mm: float, good: NDArray[np.bool_]) -> float | None:

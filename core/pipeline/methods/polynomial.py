@@ -34,6 +34,7 @@ from core.pipeline.method import ADJUSTMENT, Calibrated, CalibrationMethod, Judg
 from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
+TOO_BENT, MOST_BENT = 0.5, 4.0  # what a higher degree would explain of the residuals, over what it would leave
 RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
 
 
@@ -171,6 +172,13 @@ def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
 
 
 def _of_residuals(depth: DepthCalibration) -> list[Concern]:
+    rest = max(depth.residual_rms_mm**2 - depth.bent_rms_mm**2, 0.0) ** 0.5
+    if depth.bent_rms_mm > TOO_BENT * rest:
+        text = (
+            f"degree {depth.degree} is too low: polynomials of degree {(depth.degree or 0) + 1} would leave "
+            f"{rest:.3g} mm of the residuals of {depth.residual_rms_mm:.3g} mm: calibrate with a higher degree"
+        )
+        return [Concern("failed" if depth.bent_rms_mm > MOST_BENT * rest else "doubtful", text)]
     if not depth.noise_rms_mm or depth.residual_rms_mm <= RESIDUAL_RATIO * depth.noise_rms_mm:
         return []
     ratio = depth.residual_rms_mm / depth.noise_rms_mm

@@ -92,6 +92,28 @@ def test_a_plate_between_the_calibrated_positions_is_found(degree, limit_mm) -> 
     assert np.abs(plate[..., 2] - 13.7 * calibration.axis_direction[2]).max() < limit_mm
 
 
+def test_residuals_that_a_higher_degree_would_explain_are_told_from_noise() -> None:
+    options = DepthOptions(degree=2)
+    noisy, free = (calibrate_depth(SPEC, _field(), _planes(noise), options=options) for noise in (True, False))
+    assert noisy.bent_rms_mm == pytest.approx(free.residual_rms_mm, rel=0.05)
+    better = calibrate_depth(SPEC, _field(), _planes(noise=True))
+    assert better.bent_rms_mm < 0.1 * better.residual_rms_mm  # the cubic's own error is 0.003 mm
+    assert noisy.residual_rms_mm**2 - noisy.bent_rms_mm**2 == pytest.approx(better.residual_rms_mm**2, rel=0.5)
+
+
+def test_plates_that_stand_beside_their_positions_ask_for_no_higher_degree() -> None:
+    bent, rng = [], np.random.default_rng(5)
+    for _ in range(12):
+        off = rng.normal(0, 0.1, len(DEPTHS))
+        planes = [
+            DepthPlane(float(z), _phase(_plate(z + d), k)) for k, (z, d) in enumerate(zip(DEPTHS, off, strict=True))
+        ]
+        calibration = calibrate_depth(SPEC, None, planes)
+        assert calibration.residual_rms_mm > 0.05  # 0.03 of noise alone
+        bent.append(calibration.bent_rms_mm)
+    assert np.count_nonzero(bent) == 0  # one of 12 would be by chance in one of 80 runs
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_camera_is_oriented_by_the_plates_targets_whichever_way_z_counts(sign) -> None:
     calibration = calibrate_depth(SPEC, _field(), _planes(noise=True, axis=sign * AXIS))
