@@ -9,6 +9,7 @@ given.py     ... a network against what its files give: known points and lengths
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 boards.py    ... which of a board's targets its file misplaces
 plates.py    ... where the plates stood, seen by camera and projector
+depth.py     ... and where the depth calibration has them
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
 sequences.py what captures say they show: code and the light's end against projector lines, their response
@@ -18,6 +19,7 @@ left_out.py  points and captures that had no part, with the reasons
 
 from core.checks.boards import exchanged_notes, misplaced_concerns
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
+from core.checks.depth import placed_concerns
 from core.checks.given import given_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
@@ -32,7 +34,7 @@ __all__ = [
     "Plates", "adjustment_concerns", "bar_notes", "code_concerns", "depthless_concerns", "end_notes",
     "exchanged_notes", "foreign_concerns",
     "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of", "length_concerns",
-    "light_end", "misplaced_concerns", "nominal_concerns", "pair_concerns", "plane_concerns", "plane_words",
-    "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns",
-    "see_plates", "size_concerns", "sound_words", "uneven_axes", "unit_hint",
+    "light_end", "misplaced_concerns", "nominal_concerns", "pair_concerns", "placed_concerns", "plane_concerns",
+    "plane_words", "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets",
+    "response_concerns", "see_plates", "size_concerns", "sound_words", "uneven_axes", "unit_hint",
 ]  # fmt: skip

@@ -165,13 +165,19 @@ def _shape(nominal: Array, found: Array, about: str) -> tuple[float, list[Concer
     rest = found - scale * nominal @ R.T - shift
     size = float(np.linalg.norm(np.ptp(found, axis=0)))
     off = float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))
-    stretch, stretched_off = _stretch(nominal, found)
-    if abs(stretch - 1) > TOLERANCE and stretched_off < 0.5 * off:
+    stretch, shear, affine_off = _affinity(nominal, found)
+    if abs(stretch - 1) > TOLERANCE and affine_off < 0.5 * off:
         text = (
             f"{file}: x is stretched against y by {1 / stretch:.4f}, seen by the camera: correct x_mm or y_mm, or "
             "print the board at the same scale both ways"
         )
         return scale, [Concern("failed" if abs(stretch - 1) > FAILED else "doubtful", text, about)]
+    if abs(shear) > TOLERANCE and affine_off < 0.5 * off:
+        text = (
+            f"{file}: x and y are {90 - np.rad2deg(shear):.2f}° apart, seen by the camera: correct x_mm and y_mm, or "
+            "print the board without shear"
+        )
+        return scale, [Concern("failed" if abs(shear) > FAILED else "doubtful", text, about)]
     low = nominal * (1, 1, 1e-3)
     scale_low, R, shift = similarity(low, found)
     rest = found - scale_low * low @ R.T - shift
@@ -194,15 +200,15 @@ def _fitted(nominal: Array, found: Array) -> tuple[Array, Array, float, Array, A
     return (nominal[use], found[use], *similarity(nominal[use], found[use])) if use.sum() >= 4 else None
 
 
-def _stretch(nominal: Array, found: Array) -> tuple[float, float]:
-    """By how much x is longer than y in what was found, over nominal, and the r.m.s. that this leaves."""
+def _affinity(nominal: Array, found: Array) -> tuple[float, float, float]:
+    """By how much x is longer than y in what was found, over nominal; what its angle lacks of 90°, rad; r.m.s. left."""
     a, b = nominal - nominal.mean(axis=0), found - found.mean(axis=0)
     flat = np.ptp(a[:, 2]) < 1e-3 * np.ptp(a[:, 0])
     columns = a[:, :2] if flat else a
     M, *_ = np.linalg.lstsq(columns, b, rcond=None)
     lengths = np.linalg.norm(M, axis=1)
     left = float(np.sqrt(np.mean(np.sum((b - columns @ M) ** 2, axis=1))))
-    return float(lengths[0] / lengths[1]), left
+    return float(lengths[0] / lengths[1]), float(M[0] @ M[1] / (lengths[0] * lengths[1])), left
 
 
 def _by_calibration(plates: Plates) -> float:

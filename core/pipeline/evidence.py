@@ -215,9 +215,17 @@ class Evidence:
         assert isinstance(calibration, PhotogrammetricCalibration)
         if found := depthless_concerns(calibration, adjustment):
             return found
-        plates, plate = _plates(calibration, self.captures, self.kept)
+        plates, plate = self.plates
         same = plate is not None and _same(plate, board)
         return length_concerns(adjustment, board, self.project.scale, plates, same)
+
+    @cached_property
+    def plates(self) -> tuple[Plates | None, Testfield | None]:
+        """Plates at known positions, seen by the photogrammetric calibration, and their board."""
+        calibration = self.calibrations.get(self.photogrammetric or "")
+        if not isinstance(calibration, PhotogrammetricCalibration):
+            return None, None
+        return _plates(calibration, self.captures, self.kept)
 
     def targets(self, method: Method) -> list[TargetSet]:
         """The targets of the captures that a method used."""

@@ -160,6 +160,8 @@ def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]
 
 
 def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
+    from core.checks import placed_concerns
+
     lengths = evidence.lengths
     if evidence.photogrammetric is None:
         plates = [c for c in evidence.captures if c.role == "depth"]
@@ -167,6 +169,7 @@ def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
         seen = {t.capture: t for t in evidence.sets if t.camera == camera}
         lengths = lengths_of(depth.camera_spec, depth.camera, plates, seen)
     of_plates = [c for c in lengths if c.about != "board"]
+    of_plates += placed_concerns(depth, evidence.plates[0]) if not of_plates else []
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
     return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
 

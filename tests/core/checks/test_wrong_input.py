@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import calibrate_photogrammetric
+from core.calibrate.depth_camera import TargetPlane, orient_camera
 from core.checks import (
     adjustment_concerns,
     depthless_concerns,
@@ -23,13 +24,24 @@ from core.checks import (
     length_concerns,
     misplaced_concerns,
     nominal_concerns,
+    placed_concerns,
     repeated_targets,
     see_plates,
 )
 from core.checks.plates import Plates
 from core.errors import StripeError
 from core.geometry import Pose, pair_of
-from core.model import Concern, Interior, ScaleBar, TargetSet, Testfield, Verdict, verdict_of
+from core.model import (
+    Concern,
+    DepthCalibration,
+    Interior,
+    PhotogrammetricCalibration,
+    ScaleBar,
+    TargetSet,
+    Testfield,
+    Verdict,
+    verdict_of,
+)
 from tests.calibrated import calibration_of_pair
 from tests.core.checks.rigs import RIGS, Project, simulate, turn
 
@@ -59,7 +71,8 @@ def judge(p: Project) -> Verdict:
 
     def lengths() -> list[Concern]:
         plates = see_plates(calibration, p.plates, p.z_mm, p.plate)
-        return length_concerns(adjustment, p.board, p.scale, plates, False)
+        told = length_concerns(adjustment, p.board, p.scale, plates, False)
+        return told or placed_concerns(depth(p, calibration), plates)
 
     concerns = [
         *repeated_targets(p.fields),
@@ -69,6 +82,30 @@ def judge(p: Project) -> Verdict:
         *nominal_concerns({"camera": calibration.camera, "projector": calibration.projector}),
     ]
     return verdict_of(concerns)
+
+
+def depth(p: Project, known: PhotogrammetricCalibration) -> DepthCalibration:
+    """Where a depth calibration has the plate; its curves are no matter of targets."""
+    index, spec, at = p.plate.index(), p.rig.cameras["camera"], pair_of(known).covariance[:9, :9]
+    rows = [[index[key] for key in t.keys] for t in p.plates]
+    planes = [
+        TargetPlane(p.z_mm[t.capture], np.array(k), p.plate.xyz_mm[k], t.camera_uv)
+        for k, t in zip(rows, p.plates, strict=True)
+    ]
+    found = orient_camera(spec, planes, interior=(known.camera.interior, at))
+    none, z = np.zeros((1, 1, 1), np.float32), np.array([*p.z_mm.values()])
+    pose, axis = found.camera_from_plate, found.axis_direction
+    return DepthCalibration(
+        "u", z, 3, none, none, 0.1, 1, spec, found.interior, pose, axis, covariance=found.covariance
+    )
+
+
+def sheared(field: Testfield) -> Testfield:
+    return replace(field, xyz_mm=field.xyz_mm + 0.01 * field.xyz_mm[:, [1]] * [1, 0, 0])
+
+
+def lifted(field: Testfield, z_mm: float) -> Testfield:
+    return replace(field, xyz_mm=field.xyz_mm + np.array([0, 0, z_mm]))
 
 
 def scaled(field: Testfield, x: float, y: float | None = None) -> Testfield:
@@ -214,6 +251,11 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
         r"target 1/1 is seen (4|3\.[89]|4\.[012]) mm from",
     ),
     "plate's board x1.05": (lambda p: replace(p, plate=scaled(p.plate, 1.05)), f"{PLATE}.*1.0"),
+    "plate's board sheared by 1 %": (
+        lambda p: replace(p, plate=sheared(p.plate)),
+        r"plate.*x and y are (90\.5|89\.4)\d° apart",
+    ),
+    "plate's z 3 mm": (lambda p: replace(p, plate=lifted(p.plate, 3.0)), "^the plate lies 3"),
     "plate's board in cm": (lambda p: replace(p, plate=scaled(p.plate, 0.1)), f"{PLATE}.*cm"),
     "plate's board x x1.03": (lambda p: replace(p, plate=scaled(p.plate, 1.03, 1.0)), "plate's .*x is stretched"),
     "both boards x1.05": (lambda p: both_boards(p, 1.05), "known lengths disagree"),

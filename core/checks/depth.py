@@ -1,0 +1,60 @@
+"""A depth calibration held against the photogrammetric one that saw the same plates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from core.checks.lengths import LEAST_OFF
+from core.checks.network import LEVEL
+from core.checks.plates import Plates
+from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
+from core.model import Array, Concern, DepthCalibration
+from core.numerics import chi_square_limit
+
+FAILED = 3.0  # times the limits
+
+
+def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Concern]:
+    """Compare where a depth calibration has its plate with where the plate's targets were seen.
+
+    H0: distances along the targets' rays differ by no plane over the field, beyond what both leave uncertain. What is
+    known of the camera is in both, and counts twice.
+    """
+    if plates is None or not len(plates.names) or depth.covariance is None:
+        return []
+    pose, axis = depth.camera_from_plate, depth.axis_direction
+    outer = np.array([*rotation_vector_from_matrix(pose.rotation), *pose.translation_mm, *(axis[:2] / axis[2])])
+    values, vectors = np.linalg.eigh(depth.covariance[-len(outer) :, -len(outer) :])
+    by_plate = [outer + change for change in (vectors * np.sqrt(np.maximum(values, 0.0))).T]
+    seen, sign = plates.xyz_mm, float(np.sign(axis[2]))
+    own = _apart(plates.z_mm, seen, outer, sign)
+    use = np.isfinite(own)
+    tangents = seen[use][:, :2] / seen[use][:, 2:]
+    A = np.column_stack([np.ones(len(tangents)), (tangents - tangents.mean(axis=0)) / np.ptp(tangents, axis=0).max()])
+    fit = np.linalg.pinv(A)
+    others = [_apart(plates.z_mm, seen, one, sign) for one in by_plate]
+    others += [_apart(plates.z_mm, uncertain, outer, sign) for uncertain in plates.uncertain_mm]
+    changes = np.array([fit @ (other[use] - own[use]) for other in others])
+    found, left = fit @ own[use], own[use] - A @ (fit @ own[use])
+    C = changes.T @ changes + np.var(left) * fit @ fit.T
+    factor = (float(found @ np.linalg.solve(C, found)) / chi_square_limit(len(found), LEVEL)) ** 0.5
+    off = float(np.sqrt(np.mean((A @ found) ** 2)))
+    limit = LEAST_OFF * float(np.median(np.linalg.norm(seen[use], axis=1)))
+    if factor <= 1 or off <= limit:
+        return []
+    text = (
+        f"the plate lies {off:.2g} mm r.m.s. off where the photogrammetric calibration sees its targets, {factor:.2g} "
+        "times what both leave uncertain: correct x_mm, y_mm and z_mm of the plate's testfield file, or calibrate "
+        "both again if the camera was moved between"
+    )
+    return [Concern("failed" if min(factor, off / limit) > FAILED else "doubtful", text, "plates")]
+
+
+def _apart(z_mm: Array, seen: Array, outer: Array, sign: float) -> Array:
+    """How much further targets (plates, n, 3) are seen than the plate's plane lies on their rays: (plates, n) mm."""
+    turn, shift, slopes = np.split(outer, [3, 6])
+    direction = sign * np.append(slopes, 1.0)
+    R = matrix_from_rotation_vector(turn)
+    origins = shift + np.outer(z_mm, R @ (direction / np.linalg.norm(direction)))
+    normal, far = R[:, 2], np.linalg.norm(seen, axis=2)
+    return np.asarray(far - (origins @ normal)[:, None] / (seen @ normal) * far)
