@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +15,8 @@ from core.model import Array, PointCloud
 from core.reconstruct.placed import Device
 
 AGREE = 4.0  # standard deviations by which two stations may see the same place apart
+ROUGH = 0.2  # pixels on the surface that its noise may be: beyond, slopes come from more pixels than four
+AROUND, UNEVEN = 3, 1.6  # these, to either side; what planes may leave of their noise
 OBLIQUE = 0.25  # cosine between a ray of either view and the surface's normal: below, it slides past the surface
 
 
@@ -118,6 +121,11 @@ def _met(X: Array, rays: Array, other: Seen, points: _Points) -> tuple[Array, Ar
     surface = share[0] * a + share[1] * b + share[2] * c + share[3] * d
     variance = sum(s**2 * noise[at] for s, at in zip(share, corners, strict=True))
     slopes = np.stack([(1 - v) * (b - a) + v * (d - c), (1 - u) * (c - a) + u * (d - b)], axis=1)
+    near = corner[:, 1] + np.rint(v).astype(int), corner[:, 0] + np.rint(u).astype(int)
+    wide, even = (each[near] for each in _wide(q, noise))
+    focal = other.camera.interior.c_mm / min(other.camera.spec.pitch_mm)
+    rough = even & (focal**2 * variance > ROUGH**2 * surface**2)
+    slopes = np.where(rough[:, None], wide, slopes)
     by_point = np.einsum("nk,nki->ni", slopes, seen.by_point)
     by_point[:, 2] -= 1 / X[:, 2] ** 2
     along = np.einsum("ni,ni->n", by_point, rays)
@@ -126,8 +134,27 @@ def _met(X: Array, rays: Array, other: Seen, points: _Points) -> tuple[Array, Ar
         inside &= along > OBLIQUE * size * np.linalg.norm(rays, axis=1)
         inside &= own > OBLIQUE * size * np.linalg.norm(X, axis=1)  # else it joins two surfaces at an outline
         along = np.where(inside, along, np.nan)
-    nearest = np.nan_to_num(index[np.rint(v).astype(int) + corner[:, 1], np.rint(u).astype(int) + corner[:, 0]])
-    return -(surface + 1 / X[:, 2]) / along, variance / along**2, points.shared[nearest.astype(np.int64)]
+    return (
+        -(surface + 1 / X[:, 2]) / along,
+        variance / along**2,
+        points.shared[np.nan_to_num(index[near]).astype(np.int64)],
+    )
+
+
+def _wide(q: Array, noise: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Slopes (H, W, 2) of planes through the pixels around each, and where these are valid and even but for noise."""
+    valid = np.isfinite(q)
+    side, values = 2 * AROUND + 1, np.where(valid, q, 0.0)
+    steps, ones = np.arange(-AROUND, AROUND + 1.0), np.ones(side)
+
+    def summed(of: Array, rows: Array = ones, columns: Array = ones) -> Array:
+        return np.asarray(cv2.sepFilter2D(of, cv2.CV_64F, columns, rows, borderType=cv2.BORDER_CONSTANT))
+
+    square = side * float(steps @ steps)
+    slopes = np.stack([summed(values, columns=steps), summed(values, rows=steps)], axis=-1) / square
+    left = summed(values**2) - summed(values) ** 2 / side**2 - square * np.sum(slopes**2, axis=-1)
+    whole = summed(valid.astype(float)) > side**2 - 0.5
+    return slopes, whole & (left < UNEVEN * summed(np.where(valid, noise, 0.0)))
 
 
 def _changed(
