@@ -19,7 +19,7 @@ from core.pipeline.method import ADJUSTMENT, Calibrated
 from core.pipeline.methods import METHODS, archives_of, calibration_figures, method_of, shares
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_target_sets
-from core.pipeline.runs import Run, calibration_file, current_run, keep_run, now, read_run, run_folder
+from core.pipeline.runs import Run, calibration_file, current_run, keep_run, list_runs, now, read_run, run_folder
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
 from core.project.contents import hash_file
@@ -219,6 +219,12 @@ def adjust_network(folder: Path, progress: Progress = SILENT) -> Adjustment:
 def methods_in_use(project: Project) -> list[Method]:
     """Name the methods that the project has a calibration by; an `InputError` if there is none."""
     found = [name for name in METHODS if calibration_file(project, f"{name}.npz") is not None]
+    pointer = result_path(project, "current.json")
+    if not found and pointer.exists() and list_runs(project):
+        remedy = (
+            "choose one with `stripe-core runs PROJECT --use N`, or mend it with `stripe-core check PROJECT --repair`"
+        )
+        raise InputError(pointer, "cannot be read, or names no run that is there", remedy)
     if not found:
         raise InputError(project.path, "the project has no calibration", "run `stripe-core calibrate` on it first")
     return found

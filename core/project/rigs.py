@@ -19,6 +19,7 @@ MOST_FIELD_DEG = 170.0  # along a side: no lens that maps planes sees more
 OTHER_C, MOST_OFF = 4.0, 5.0  # times the nominal c, sides of the image off its middle: another device's, or no mm
 MOST_BENT = 1.0  # of the way from the middle to a corner, by which a lens may move that corner
 MOST_UNSURE = 0.2  # sigma of a length as a share of it: the scale that this gives would be called not estimable
+BELOW_ZERO = 0.05  # of the full light: so far a response measured over a dark frame may reach below none
 KINDS = ("camera", "projector")
 
 
@@ -111,6 +112,9 @@ def _response(fields: Fields) -> tuple[tuple[float, float], ...]:
         if pairs and pair[0] <= pairs[-1][0]:
             raise fields.refuse(f"response, entry {i},", item, "give [level, light] with rising levels")
         pairs.append(pair)
+    light = [value for _, value in pairs]
+    if len(pairs) > 1 and (light[-1] <= light[0] or min(light) < -BELOW_ZERO * light[-1]):
+        raise fields.refuse("response", [list(pair) for pair in pairs], "give [level, light] with light that rises")
     return tuple(pairs)
 
 

@@ -353,6 +353,16 @@ def test_a_pipe_in_place_of_what_is_brought_or_kept(
     capsys.readouterr()
 
 
+@pytest.mark.parametrize("damaged", ["", '{"photogr', '{"photogrammetric": 7}'])
+def test_a_damaged_pointer_to_the_runs_in_use_is_named(
+    damaged: str, calibrated: Path, refused: Callable[..., str]
+) -> None:
+    (calibrated / "results" / "current.json").write_text(damaged)
+    said = refused("evaluate", calibrated)
+    assert "current.json" in said
+    assert "--use N" in said
+
+
 @contextmanager
 def files_up_to(size: int) -> Iterator[None]:
     """Let no file grow beyond a size, as on a disk that becomes full."""

@@ -80,6 +80,8 @@ def test_short_and_long_form_together(tmp_path: Path) -> None:
         ({"camera": entry(interior={"x0_mm": 4.0}), "projector": entry()}, "the principal point in mm"),
         ({"camera": entry(interior={"A1": "x"}), "projector": entry()}, "A1 is 'x'"),
         ({"camera": entry(), "projector": entry(response=[[1, 0], [0, 1]])}, "rising levels"),
+        ({"camera": entry(), "projector": entry(response=[[0, 1], [1, 0]])}, "light that rises"),
+        ({"camera": entry(), "projector": entry(response=[[0, -1], [1, 1]])}, "light that rises"),
         ({"camera": entry(), "cameras": {"camera": entry()}, "projector": entry()}, "given twice"),
         ({"camera": entry(), "projector": entry(), "version": 3}, "versions 1 and 2"),
     ],

@@ -221,8 +221,9 @@ BOUNDS = {float(bound) for bound in re.findall(r'm(?:in|ax)imum": ([^,}]*)', jso
 NUMBERS = sorted({bound + more for bound in BOUNDS for more in (-1, 0, 1)})  # the least and largest, and those beyond
 #: what a schema cannot say, for it is about several values, or other files
 BEYOND_SCHEMA = (
-    "field of view", "rising levels", "two different", "give both", "principal point", "would be moved", "from 0 to 3",
-    "is not there", "cannot be read", "use a name that", "device is", "rigid_with is", "rigid with",
+    "field of view", "rising levels", "light that rises", "two different", "give both", "principal point",
+    "would be moved", "from 0 to 3", "is not there", "cannot be read", "use a name that", "device is", "rigid_with is",
+    "rigid with",
 )  # fmt: skip
 
 
