@@ -239,7 +239,7 @@ def _copy(work: Callable[[int, Progress], Any], turn: int, sender: Connection, r
         reader.close()
     _alone()
     said = Progress(lambda fraction, message: sender.send((-1, message)))
-    with suppress(BrokenPipeError):
+    with suppress(OSError):  # nobody reads, or no room is left: who was copied does the rest, and tells why
         while number := os.read(turn, 4):
             k = int.from_bytes(number, "big")
             try:

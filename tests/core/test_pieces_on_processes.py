@@ -20,7 +20,7 @@ from tests.copies import copied, own
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are copied on Linux alone")
 
 SCRIPT = """
-import os, signal, sys, time
+import os, resource, signal, sys, time
 import cv2
 import numpy as np
 from core.errors import InputError
@@ -60,6 +60,11 @@ for k, made in enumerate(on_processes(arrays, 4, said)):
     for one, same in zip(made, arrays(k, said), strict=True):
         assert one.dtype == same.dtype and np.array_equal(one, same), (k, one)
         assert one.flags.aligned and one.flags.writeable
+
+before = resource.getrlimit(resource.RLIMIT_FSIZE)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))  # no room for what copies hand over
+assert [made[2][0, 0] for made in on_processes(arrays, 4, said)] == [0, 1, 2, 3]
+resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 def wrong(k, progress):
     if k == 1:
