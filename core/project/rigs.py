@@ -15,7 +15,7 @@ from core.geometry import LENSES, Lens, distort, lens_of
 from core.model import DeviceSpec, Interior, Rig, ScaleBar
 
 MOST_PIXELS = 1_000_000  # along one side of a device
-MOST_FIELD_DEG = 170.0  # along a side: no lens that maps planes sees more
+FIELD_DEG = 0.15, 170.0  # along the longer side: telescopes see more, and no lens that maps planes as much
 OTHER_C, MOST_OFF = 4.0, 5.0  # times the nominal c, sides of the image off its middle: another device's, or no mm
 MOST_BENT = 1.0  # of the way from the middle to a corner, by which a lens may move that corner
 MOST_UNSURE = 0.2  # sigma of a length as a share of it: the scale that this gives would be called not estimable
@@ -38,11 +38,11 @@ def read_device(fields: Fields, may_label: bool = False) -> DeviceSpec:
     )
     half = max(spec.width * spec.pitch_mm[0], spec.height * spec.pitch_mm[1]) / 2
     wide = 2 * math.degrees(math.atan2(half, spec.nominal_c_mm))
-    if wide > MOST_FIELD_DEG:
+    if not FIELD_DEG[0] <= wide <= FIELD_DEG[1]:
         seen = (
-            f"is {list(spec.pitch_mm)}: with nominal_c_mm {spec.nominal_c_mm:g} the field of view would be {wide:.1f}°"
+            f"is {list(spec.pitch_mm)}: with nominal_c_mm {spec.nominal_c_mm:g} the field of view would be {wide:.3g}°"
         )
-        raise InputError(fields.where, f"pitch_mm {seen}", "give both in mm, not µm")
+        raise InputError(fields.where, f"pitch_mm {seen}", "give both in mm, neither in µm or m")
     if (known := fields.optional("interior")) is None:
         return spec
     interior, sigma = _interior(known, spec)

@@ -79,6 +79,7 @@ def test_short_and_long_form_together(tmp_path: Path) -> None:
         ({"camera": entry(interior={"A2": 1e9, "A1": 0.001}), "projector": entry()}, "interior: A2 is 1e+09: a corner"),
         ({"camera": entry(interior={"x0_mm": 4.0}), "projector": entry()}, "the principal point in mm"),
         ({"camera": entry(interior={"A1": "x"}), "projector": entry()}, "A1 is 'x'"),
+        ({"camera": entry(pitch_mm=[1e-5, 1e-5]), "projector": entry()}, "neither in µm or m"),
         ({"camera": entry(), "projector": entry(response=[[1, 0], [0, 1]])}, "rising levels"),
         ({"camera": entry(), "projector": entry(response=[[0, 1], [1, 0]])}, "light that rises"),
         ({"camera": entry(), "projector": entry(response=[[0, -1], [1, 1]])}, "light that rises"),
@@ -99,7 +100,9 @@ def test_a_known_interior_orientation(tmp_path: Path) -> None:
     light = [[0, 0], [1, 0.9]]
     result = {"c_mm": {"value": 180.0, "sigma": 0.02}, "A1": {"value": 1e-6, "sigma": 0.0}, "r0_mm": 20.0, "hold": True}
     project_json(
-        tmp_path, camera=entry(interior=known), projector=entry(nominal_c_mm=182, interior=result, response=light)
+        tmp_path,
+        camera=entry(interior=known),
+        projector=entry(pitch_mm=[0.09, 0.09], nominal_c_mm=182, interior=result, response=light),
     )
     project = read_project(tmp_path)
     camera, projector = project.camera, project.projector
