@@ -32,14 +32,16 @@ recognise.py      an image that nobody picked
 turns.py          which way round the board was held, told for all images together
 missing.py        why a target was not measured, in words
 features.py       edges of the evenly lit image on the measured surface: holes, marks, lines
+outlines.py       the forms of these edges in the image, straight ones as the lens bends them
 kernels.py        the two loops over pixels
 """
 
 from core.measure.circles import eccentricity, recentred
 from core.measure.estimators import ESTIMATORS
-from core.measure.features import edge_at, find_circles, measure_feature
+from core.measure.features import find_circles, measure_feature
 from core.measure.kinds import TARGET_KINDS, Marks, Sight, TargetKind, kind_of
 from core.measure.missing import OUTSIDE
+from core.measure.outlines import checked_place
 from core.measure.propose import find_dots, propose_picks
 from core.measure.recognise import labellings, recognise, unmeasured
 from core.measure.single import dot_at, measured_view, predicted_view
@@ -49,7 +51,7 @@ from core.measure.view import View
 
 __all__ = [
     "ESTIMATORS", "OUTSIDE", "SAME", "TARGET_KINDS", "Labelling", "Marks", "Sight", "TargetKind", "Turned", "View",
-    "dot_at", "eccentricity", "edge_at", "find_circles", "find_dots", "kind_of", "labellings", "measure_feature",
+    "checked_place", "dot_at", "eccentricity", "find_circles", "find_dots", "kind_of", "labellings", "measure_feature",
     "measure_targets", "measured_view", "placed", "predicted_view", "propose_picks", "recentred", "recognise",
     "solve_turns", "symmetries", "unmeasured", "unturned",
 ]  # fmt: skip

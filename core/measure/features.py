@@ -8,16 +8,14 @@ around a feature, linear for a plane, and carries the edge's rays to the surface
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.geometry import project, ray_directions
-from core.lazy import dataclass
+from core.geometry import pixel_to_image, project
 from core.measure.blobs import connected_spots
+from core.measure.outlines import FEATURES, LEAST_RING_PX, Edge, before_lens, checked_place
 from core.measure.steps import MOST_LEVERAGE, Lay, covariance, light_within, width_px
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
 from core.numerics import distinct, polynomial, sigma_by_median
@@ -25,7 +23,7 @@ from core.numerics import distinct, polynomial, sigma_by_median
 LENS_PX = 0.7  # blur by which the fit begins
 REACH = 4.0  # blurs on either side of an edge whose pixels take part, and LEAST_REACH px at least
 LEAST_REACH = 2.5
-RING_PX, RING, LEAST_RING_PX = 3.0, 0.6, 8.0  # the surface is taken from so far off the edge, over a share of its size
+RING_PX, RING = 3.0, 0.6  # the surface is taken from so far off the edge, over a share of its size
 GROSS, ROUGH = 5.0, 4.0  # standard deviations: of single points, and of all where the surface bends too much
 SIDES, AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1)), 0.1  # share of the ring's points that each side has at least
 WITHIN_PX, MOSTLY = 1.0, 5.0  # inside a mark, whose surface is taken where it tells so many times more
@@ -37,7 +35,6 @@ MOST_MOVED = 0.25  # of its size that an edge may lie off where it was said to b
 MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
 LEAST_RADIUS_PX, FLATTEST, UNEVEN = 2.5, 0.3, 0.1  # of what is found: radius, ratio of axes, area off an ellipse's
 SURROUNDINGS, LEAST_CONTRAST = 6, 0.15  # share of the width whose median is the ground; of its light
-CONTOUR = 360  # places of a contour that are carried to the surface
 UNLIKE, OTHER = 0.1, 0.2  # of the step at an edge: what is farther off counts less, and not: a lit wall behind a hole
 BESIDE_PX = 5  # side of the square around each of these that is left out
 SORTING = 3.0  # of the variance of half the difference: with it sorted axes of a circle hold their sigmas, in the mean
@@ -64,19 +61,6 @@ def find_circles(image: Floats) -> Array:
     return np.concatenate(found)
 
 
-@dataclass(frozen=True)
-class Edge:
-    """A kind of edge near where it is said to be, by some shape parameters in px."""
-
-    start: Array  #: (k,)
-    distance: Callable[[Array, Array], Array]  #: of parameters and pixels (n, 2): px from the edge, negative inside
-    curvature: Callable[[Array, Array], Array]  #: of parameters and pixels (n, 2): of the edge beside them, 1/px
-    contour: Callable[[Array], Array]  #: of parameters: places (m, 2) of the edge
-    near: Callable[[Array], NDArray[np.bool_]]  #: of pixels (n, 2): whether they may belong to it
-    figures: Callable[[Array], tuple[Array, Array]]  #: of points (m, 3) of the edge: centre (3,) and vectors (j, 3)
-    inside: bool  #: whether there is surface on the inner side, too
-
-
 def measure_feature(
     kind: str, given: Array, phase: PhaseMap, cloud: PointCloud, camera: AdjustedDevice, where: str = "feature"
 ) -> Feature:
@@ -96,7 +80,11 @@ def measure_feature(
     InputError
         If it is no place of a feature, there is no edge, it is overexposed, or too little surface is beside it.
     """
-    edge = edge_at(kind, given, where)
+    place = checked_place(kind, given, where)
+    edge = FEATURES[kind][1](place, camera)
+    if not np.isfinite(edge.contour(edge.start)).all():
+        seen = "the lens of the camera does not reach so far"
+        raise InputError(where, seen, "give places inside the image")
     if phase.image.shape != cloud.valid.shape:
         (h, w), (height, width) = phase.image.shape, cloud.valid.shape
         raise InputError(where, f"{width} x {height} points, {w} x {h} px", "give the points of this image's pixels")
@@ -109,18 +97,21 @@ def measure_feature(
         if np.count_nonzero(lost) > CLIPPED * lost.size:
             raise InputError(where, f"{lost.mean():.0%} of the pixels about it are overexposed", OVEREXPOSED) from error
         raise
-    surface, surface_cov, middle, scale = _surface(edge, shape, cloud, where)
+    surface, surface_cov, middle, scale = _surface(edge, shape, cloud, camera, where)
     own, k = np.concatenate([shape, surface]), len(shape)
     whole = np.zeros((len(own), len(own)))
     whole[:k, :k], whole[k:, k:] = shape_cov, surface_cov
 
-    def carried(places: Array, terms: Array) -> Array:
-        x, y = ((places - middle) / scale).T
-        q = polynomial(x, y, 2) @ terms
-        return ray_directions(camera.spec, camera.interior, places) / q[:, None]
+    def carried(plain: Array, terms: Array) -> Array:
+        x, y = ((plain - middle) / scale).T
+        xy = pixel_to_image(camera.spec, plain) / camera.interior.c_mm
+        return np.column_stack([xy, np.full(len(xy), -1.0)]) / (polynomial(x, y, 2) @ terms)[:, None]
+
+    def figures(p: Array) -> tuple[Array, Array]:
+        return edge.figures(carried(before_lens(camera, edge.contour(p[:k])), p[k:]))
 
     def found(p: Array) -> Array:
-        centre, axes = edge.figures(carried(edge.contour(p[:k]), p[k:]))
+        centre, axes = figures(p)
         seen = project(camera.spec, camera.interior, centre)
         return np.concatenate([seen, centre, np.linalg.norm(axes, axis=1)])
 
@@ -135,7 +126,7 @@ def measure_feature(
         uv_cov=covariance[:2, :2],
         centre_mm=value[2:5],
         cov_mm2=covariance[2:5, 2:5] + _by_calibration(cloud, value[:2], scale),
-        axes_mm=edge.figures(carried(edge.contour(shape), surface))[1],
+        axes_mm=figures(own)[1],
         sigma_mm=_sigma_of_lengths(value[5:], covariance[5:, 5:]),
         size_mm=(float(value[5:].mean()), float(np.sqrt(covariance[5:, 5:].mean()))),
         normal=-normal * np.sign(normal @ value[2:5]) / np.linalg.norm(normal),
@@ -143,18 +134,6 @@ def measure_feature(
         pixels=pixels,
         verdict=cloud.verdict,
     )
-
-
-def edge_at(kind: str, given: Array, where: str) -> Edge:
-    """Give the edge of a kind of feature where it approximately is; InputError if that is no place of one."""
-    if kind not in FEATURES:
-        raise InputError(where, f"{kind!r} is no kind of feature", f"choose among {', '.join(FEATURES)}")
-    words, make = FEATURES[kind]
-    numbers = np.asarray(given, np.float64).ravel()
-    whole = len(numbers) == words.count(",") + 1 and np.isfinite(numbers).all()
-    if not whole or (numbers[2] <= 0 if kind == "circle" else np.array_equal(numbers[:2], numbers[2:])):
-        raise InputError(where, f"is no {kind}", f"give {words} in px")
-    return make(numbers)
 
 
 def _sigma_of_lengths(lengths: Array, covariance: Array) -> Array:
@@ -247,9 +226,15 @@ def _before_others(away: Array, grey: Array) -> NDArray[np.bool_]:
     return chosen
 
 
-def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[Array, Array, Array, float]:
-    """Fit the inverse depth of the surface beside an edge: six terms, their covariance, their middle and scale."""
-    contour = edge.contour(shape)
+def _surface(
+    edge: Edge, shape: Array, cloud: PointCloud, camera: AdjustedDevice, where: str
+) -> tuple[Array, Array, Array, float]:
+    """Fit the inverse depth of the surface beside an edge: six terms, their covariance, their middle and scale.
+
+    A plane's is linear in the image that the lens has not distorted.
+    """
+    seen = edge.contour(shape)
+    contour = before_lens(camera, seen)
     middle = contour.mean(axis=0)
     scale = float(np.linalg.norm(contour - middle, axis=1).max())
     usable = cloud.valid & (cloud.xyz_mm[..., 2] < 0)
@@ -267,13 +252,15 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
     ring = (away > RING_PX) & (away < RING_PX + max(RING * scale, LEAST_RING_PX))
     if weight[within := away < -WITHIN_PX].sum() > MOSTLY * weight[ring].sum():  # a bright mark on dark ground
         ring = within
-    elif min(np.count_nonzero((at - middle)[ring] @ side > 0) for side in SIDES) < AROUND * np.count_nonzero(ring):
+    elif min(np.count_nonzero((at - seen.mean(axis=0))[ring] @ side > 0) for side in SIDES) < AROUND * np.count_nonzero(
+        ring
+    ):
         ring |= within  # beyond one side alone the surface is hardly known
     if np.count_nonzero(ring) < FEWEST_POINTS:
-        seen = f"{np.count_nonzero(ring)} points lie on the surface beside the edge"
-        raise InputError(where, seen, "capture it with more light on the surface around it")
+        few = f"{np.count_nonzero(ring)} points lie on the surface beside the edge"
+        raise InputError(where, few, "capture it with more light on the surface around it")
     z, weight = z[ring], weight[ring]
-    x, y = ((at[ring] - middle) / scale).T
+    x, y = ((before_lens(camera, at[ring]) - middle) / scale).T
     A, q = polynomial(x, y, 2), -1 / z
     for _ in range(3):
         N = np.linalg.inv((A * weight[:, None]).T @ A)
@@ -281,8 +268,8 @@ def _surface(edge: Edge, shape: Array, cloud: PointCloud, where: str) -> tuple[A
         rest = np.sqrt(weight) * (q - A @ surface)
         weight = np.where(np.abs(rest) > GROSS * sigma_by_median(rest), 0.0, weight)
     if cloud.sigma_depth_mm is not None and (rough := sigma_by_median(rest)) > ROUGH:
-        seen = f"the surface beside the edge is off a smooth one by {rough:.1f} times its noise"
-        raise InputError(where, seen, "name an edge on a plane or a slightly curved surface")
+        bumps = f"the surface beside the edge is off a smooth one by {rough:.1f} times its noise"
+        raise InputError(where, bumps, "name an edge on a plane or a slightly curved surface")
     own = 1 - np.minimum(weight * np.einsum("ij,jk,ik->i", A, N, A), MOST_LEVERAGE)
     scores = A * (np.sqrt(weight / own) * rest)[:, None]
     return surface, N @ (scores.T @ scores) @ N, middle, scale
@@ -297,83 +284,3 @@ def _by_calibration(cloud: PointCloud, uv: Array, reach_px: float) -> Array:
     along = cloud.xyz_mm[part] / cloud.xyz_mm[part][..., 2:] * cloud.sigma_depth_mm[part][..., None]
     squares = cloud.sigma_mm[part].astype(np.float64) ** 2 - along**2
     return np.diag(np.maximum(np.nanmedian(squares.reshape(-1, 3), axis=0), 0.0))
-
-
-def _round(given: Array) -> Edge:
-    """The edge of a hole or a mark: an ellipse in the image, by its centre and a symmetrical matrix."""
-    u, v, radius = given
-
-    def matrix(p: Array) -> Array:
-        return np.array([[p[2], p[3]], [p[3], p[4]]])
-
-    def scaled(p: Array, at: Array) -> tuple[Array, Array]:
-        """Distance from the centre, 1 at the edge, and its slope there, 1/px."""
-        inverse = np.linalg.inv(matrix(p))
-        y = (at - p[:2]) @ inverse
-        rho = np.maximum(np.linalg.norm(y, axis=1), 1e-9)
-        return rho, np.maximum(np.linalg.norm(y @ inverse, axis=1) / rho, 1e-6)
-
-    def distance(p: Array, at: Array) -> Array:
-        rho, slope = scaled(p, at)
-        return (rho - 1) / slope
-
-    def curvature(p: Array, at: Array) -> Array:
-        return scaled(p, at)[1] ** -3.0 / np.linalg.det(matrix(p)) ** 2
-
-    def contour(p: Array) -> Array:
-        turn = np.linspace(0, 2 * np.pi, CONTOUR, endpoint=False)
-        return np.asarray(p[:2] + np.stack([np.cos(turn), np.sin(turn)], axis=1) @ matrix(p))
-
-    return Edge(
-        start=np.array([u, v, radius, 0.0, radius]),
-        distance=distance,
-        curvature=curvature,
-        contour=contour,
-        near=lambda at: np.hypot(*(at - (u, v)).T) < 2.2 * radius + 3 * LEAST_RING_PX,
-        figures=_ellipse,
-        inside=False,
-    )
-
-
-def _ellipse(points: Array) -> tuple[Array, Array]:
-    """Centre and semi-axes, longest first, of a closed curve by the moments of its area."""
-    middle = points.mean(axis=0)
-    plane = np.linalg.svd(points - middle, full_matrices=False)[2][:2]
-    x, y = ((points - middle) @ plane.T).T
-    x1, y1 = np.roll(x, -1), np.roll(y, -1)
-    cross = x * y1 - x1 * y
-    area = cross.sum() / 2
-    cx, cy = ((x + x1) @ cross / (6 * area), (y + y1) @ cross / (6 * area))
-    xx, yy = ((c * c + c * c1 + c1 * c1) @ cross / (12 * area) for c, c1 in ((x, x1), (y, y1)))
-    xy = (x * y1 + 2 * x * y + 2 * x1 * y1 + x1 * y) @ cross / (24 * area)
-    squares, turns = np.linalg.eigh([[xx - cx * cx, xy - cx * cy], [xy - cx * cy, yy - cy * cy]])
-    axes = (turns * 2 * np.sqrt(np.maximum(squares, 0.0))).T[::-1] @ plane
-    return middle + np.array([cx, cy]) @ plane, axes
-
-
-def _straight(given: Array) -> Edge:
-    """A straight edge between two places, by how far it passes beside them."""
-    one, other = given[:2], given[2:]
-    along = other - one
-    length = float(np.linalg.norm(along))
-    normal = np.array([-along[1], along[0]]) / length
-
-    def distance(p: Array, at: Array) -> Array:
-        t = (at - one) @ along / length**2
-        return np.asarray((at - one) @ normal - p[0] - t * (p[1] - p[0]))
-
-    return Edge(
-        start=np.zeros(2),
-        distance=distance,
-        curvature=lambda p, at: np.zeros(len(at)),
-        contour=lambda p: np.stack([one + p[0] * normal, other + p[1] * normal]),
-        near=lambda at: np.abs((at - (one + other) / 2) @ along) < length**2 / 2,
-        figures=lambda points: (points.mean(axis=0), (points[1:] - points[:1]) / 2),
-        inside=True,
-    )
-
-
-FEATURES: dict[str, tuple[str, Callable[[Array], Edge]]] = {
-    "circle": ("U,V,RADIUS", _round),
-    "line": ("U,V,U,V", _straight),
-}  # how each is given, and its edge

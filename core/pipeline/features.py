@@ -39,11 +39,11 @@ def measure_features(
     InputError
         If a place is not well said, no edge is seen there, or there is no photogrammetric calibration.
     """
-    from core.measure import edge_at, find_circles, measure_feature
+    from core.measure import checked_place, find_circles, measure_feature
 
     given = [(kind, _numbers(text), f"--{kind} {text}") for kind, text in places]
     for each in given:
-        edge_at(*each)  # before the capture is decoded
+        checked_place(*each)  # before the capture is decoded
     calibration = photogrammetric_calibration(project)
     phase, cloud = reconstruct_capture(
         project, name, "photogrammetric", progress=progress, orient=orient, camera=camera, projector=projector
