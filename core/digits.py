@@ -1,8 +1,10 @@
-"""How many digits of a length are written: rigs may be a thousand times smaller than a desk."""
+"""How many digits of a length are written: rigs may be a thousand times smaller than a desk. Mistaken units."""
 
 from __future__ import annotations
 
 from math import floor, isfinite, log10
+
+UNITS = {0.1: "cm", 1 / 25.4: "inches", 0.001: "m", 1000.0: "µm"}  # numbers in a unit over those in mm
 
 
 def fixed(value: float, decimals: int, sign: str = "") -> str:
@@ -21,3 +23,9 @@ def fixed(value: float, decimals: int, sign: str = "") -> str:
     if value and isfinite(value):
         decimals = max(decimals, min(1 - floor(log10(abs(value))), 9))
     return f"{value:{sign}.{decimals}f}"
+
+
+def unit_hint(*ratios: float) -> str:
+    """Ask for the unit where a length that is given, over the true one, is that of another unit over mm."""
+    units = [unit for factor, unit in UNITS.items() if any(abs(ratio / factor - 1) < 0.02 for ratio in ratios)]
+    return f"; is it in {' or '.join(units)} instead of mm?" if units else ""

@@ -23,7 +23,7 @@ from core.checks.depth import placed_concerns
 from core.checks.given import given_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
-from core.checks.network import adjustment_concerns, nominal_concerns, sound_words, unit_hint
+from core.checks.network import adjustment_concerns, nominal_concerns, sound_words
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
@@ -36,5 +36,5 @@ __all__ = [
     "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of", "length_concerns",
     "light_end", "misplaced_concerns", "nominal_concerns", "pair_concerns", "placed_concerns", "plane_concerns",
     "plane_words", "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets",
-    "response_concerns", "see_plates", "size_concerns", "sound_words", "uneven_axes", "unit_hint",
+    "response_concerns", "see_plates", "size_concerns", "sound_words", "uneven_axes",
 ]  # fmt: skip

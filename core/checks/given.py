@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, unit_hint
+from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious
 from core.checks.weights import uneven_sigmas
+from core.digits import unit_hint
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, Network, NetworkScale
 from core.numerics import chi_square_limit, nearest, normal_limit

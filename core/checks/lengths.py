@@ -11,9 +11,9 @@ from itertools import combinations
 
 import numpy as np
 
-from core.checks.network import LEVEL, unit_hint
+from core.checks.network import LEVEL
 from core.checks.plates import Plates
-from core.digits import fixed
+from core.digits import fixed, unit_hint
 from core.geometry import similarity
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Note, ScaleBar, Testfield

@@ -18,7 +18,6 @@ from core.numerics import chi_square_limit, distinct, median_of, nearest, normal
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
-UNITS = {0.1: "cm", 1 / 25.4: "inches", 0.001: "m", 1000.0: "µm"}  # numbers in a unit over those in mm
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 TAILS = 2.5  # root mean square of residuals over their sigma by the median; images that are off as a whole make it 1.9
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
@@ -67,12 +66,6 @@ def cautious(adjustment: Adjustment) -> dict[str, float]:
         for name, (factor, redundancy) in factors(adjustment).items()
         if factor * redundancy * DOUBTFUL_RATIO**2 < chi_square_limit(redundancy, 1 - LEVEL)
     }
-
-
-def unit_hint(*ratios: float) -> str:
-    """Ask for the unit where a length that is given, over the true one, is that of another unit over mm."""
-    units = [unit for factor, unit in UNITS.items() if any(abs(ratio / factor - 1) < 0.02 for ratio in ratios)]
-    return f"; is it in {' or '.join(units)} instead of mm?" if units else ""
 
 
 def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:

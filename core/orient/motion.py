@@ -24,7 +24,7 @@ from core.orient.freedom import (
     stretch_of,
     whole_freedom,
 )
-from core.orient.known import Observed, measured_length, observed_length, observed_points
+from core.orient.known import Observed, calibrated_length, measured_length, observed_length, observed_points
 from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residuals, of_middles
 from core.progress import SILENT, Progress
 
@@ -130,6 +130,7 @@ def find_motion(
     sight = of_middles(sight, side, pair)
     sight, start = _checked(sight, epipolar_residuals(sight, pair), (side, tile), phase, capture)
     scene = _Scene(capture, phase, pair, sight, start, Places(sight.at, tile), lengths, points)
+    calibrated_mm = [calibrated_length(known, phase, pair) for known in lengths]
     while True:
         five, every = orientation_freedom(pair, options), whole_freedom(pair, options)
         free = every if lengths or points is not None else five
@@ -160,7 +161,8 @@ def find_motion(
         tiles=found.tiles,
         lengths=tuple(lengths),
         lengths_mm=tuple(
-            (measured_length(known, phase, pair)[0], measured_length(known, phase, corrected)[0]) for known in lengths
+            (before, measured_length(known, phase, corrected)[0])
+            for known, before in zip(lengths, calibrated_mm, strict=True)
         ),
         points=0 if points is None else len(points.xyz_mm),
         stretch=options.stretch,

@@ -22,8 +22,9 @@ checks/* pipeline/graph pipeline/evidence pipeline/judge pipeline/states pipelin
 pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_known pipeline/orient_words pipeline/methods/*
 pipeline/volumes calibrate/adjust calibrate/solve calibrate/columns calibrate/depth calibrate/depth_camera
 calibrate/groups calibrate/held calibrate/next_pose calibrate/photogrammetric calibrate/rigid calibrate/selection
-calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/* measure/kinds/* orient/motion exchange/pinhole
-capture/fitness capture/stored capture/pixels capture/quality capture/identity capture/mistakes capture/preflight
+calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/* measure/kinds/* orient/motion orient/known
+exchange/pinhole digits capture/fitness capture/stored capture/pixels capture/quality capture/identity
+capture/mistakes capture/preflight
 report/words report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
 """
 REFUSING = """
@@ -32,7 +33,7 @@ patterns/* patterns/kinds/* capture/* decode/* measure/board measure/identify me
 calibrate/depth calibrate/photogrammetric evaluate/planes evaluate/profile reconstruct/* reconstruct/export/*
 pipeline/calibrate pipeline/capture pipeline/decode pipeline/evaluate pipeline/folders pipeline/measure pipeline/orient
 pipeline/picking pipeline/planning pipeline/reconstruct pipeline/runs pipeline/sequences pipeline/signing
-pipeline/tables pipeline/testfield pipeline/views report/board
+pipeline/tables pipeline/testfield pipeline/views report/board orient/known
 """
 # calls that show no reason
 REFUSED = re.compile(r"Error$|^(_refuse|progress|picked|re\.compile|getLogger)|warning$|\.over$|\.part$")

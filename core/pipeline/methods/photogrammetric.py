@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from core.digits import unit_hint
 from core.errors import InputError
 from core.figures import photogrammetric_figures
 from core.geometry import camera_for
@@ -59,8 +60,6 @@ def check_lengths(folder: Path, bars: Mapping[str, ScaleBar], board: Testfield |
     worst = max(times, key=lambda k: off[k] - known_to[k])
     other = min((k for k in times if k != worst), key=lambda k: off[k] + known_to[k])
     if abs(np.log(times[worst] / times[other])) > np.log(CONTRADICTING) + np.hypot(known_to[worst], known_to[other]):
-        from core.checks import unit_hint
-
         seen = (
             f"length_mm is {bars[worst].length_mm:g}, {times[worst]:.4g} times what the nominal testfield has there; "
             f"{other}: {times[other]:.4g} times{unit_hint(times[worst] / times[other])}"
