@@ -49,8 +49,8 @@ class RigMotion:
 
     Rotation vector and shift are in the camera's frame, their `covariance` (6, 6) with the calibration's own errors and
     likely drifts of c, x0 and y0; without a known length or points the shift has no part along the base. `p` is the
-    probability of a sign this large if nothing has moved. `pair` is camera and projector as they stand now, with the
-    covariance that follows.
+    probability of a sign this large if nothing has moved, by all that is known of the scene. `pair` is camera and
+    projector as they stand now, with the covariance that follows.
 
     `shown` (5,) is the same for comparison among captures, with no prior on drifts: rotation, and two shifts across
     the base; `noise` (5, 5) is its covariance by noise alone, from a scatter as of so many independent `tiles`, and

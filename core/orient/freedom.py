@@ -40,6 +40,12 @@ class Freedom:
     drift: Array  # (f,), standard deviation of what is expected
 
     @property
+    def of_pose(self) -> Freedom:
+        """Rotations and shifts alone."""
+        pose = slice(min(6, len(self.drift)))
+        return Freedom(self.directions[:, pose], self.moves[:, pose], self.drift[pose])
+
+    @property
     def covariance(self) -> Array:
         """Of the pair's parameters (k, k) by what is expected."""
         return np.asarray(self.directions @ np.diag(self.drift**2) @ self.directions.T)

@@ -121,9 +121,10 @@ def find_motion(
     With N the normal equations, P the weights of the drifts, and H what the normals make of all parameters of the
     calibration, the estimate is ``x = (N + P)⁻¹ s`` of scores ``s = H (δ + E m) + noise``, of the calibration's errors
     δ and movements m along the free directions E. The corrected parameters' errors are therefore
-    ``(I - E (N + P)⁻¹ H) (δ + E m) - E (N + P)⁻¹ noise``, whatever P is. The test is of no movement of the five, by the
-    estimate without the drifts that is linear at the calibration: Rao's, doi:10.1017/S0305004100023987. Elsewhere the
-    products of rotations and shifts that hardly show would exceed the sigma of those that show well.
+    ``(I - E (N + P)⁻¹ H) (δ + E m) - E (N + P)⁻¹ noise``, whatever P is. The test is of no movement of the five, with
+    something known of all six, by the estimate without the drifts that is linear at the calibration: Rao's,
+    doi:10.1017/S0305004100023987. Elsewhere the products of rotations and shifts that hardly show would exceed the
+    sigma of those that show well. A drift of c, x0 and y0 counts as the movement that it looks like.
     """
     pair = pair_for(phase, calibration)
     sight, side, tile = blocks_of(phase, options.most_places, TILES)
@@ -201,13 +202,15 @@ def _turned(scene: _Scene, free: Freedom, options: OrientOptions, progress: Prog
 
 
 def _judged(scene: _Scene, turned: _Turned, five: Freedom, free: Freedom, every: Freedom) -> _Judged:
-    """Test whether the five moved, and say how well everything is known; see the notes of `find_motion`."""
+    """Test whether anything that shows has moved, and say how well all is known; see the notes of `find_motion`."""
     pair, C, last, weight = scene.pair, scene.pair.covariance, turned.last, turned.weight
     changes = np.column_stack([np.diag(np.sqrt(np.diagonal(C))), free.directions * free.drift])
     noise, tiles = last.noise(changes, weight)
     estimate = last.solved(free, np.diag(free.drift**-2.0), weight, noise)
     shown = replace(turned.first, known=()).solved(five, FREE * np.diag(five.drift**-2.0), weight, noise)
-    p = significance_of(shown.x, shown.noise + shown.carried @ C @ shown.carried.T, tiles)
+    six = free.of_pose
+    tested = turned.first.solved(six, FREE * np.diag(six.drift**-2.0), weight, noise) if turned.first.known else shown
+    p = significance_of(tested.x, tested.noise + tested.carried @ C @ tested.carried.T, tiles)
     gain = estimate.carried
     left = np.eye(len(C)) - free.directions @ gain
     drifted = C + free.covariance

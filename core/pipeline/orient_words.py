@@ -64,12 +64,14 @@ def motion_words(motion: RigMotion) -> list[str]:
             for axis, value, s in zip("XYZ", figures[key], figures[sigma], strict=True)
         )
 
-    sure = f"p = {motion.p:.2g}, {motion.pixels} pixels"
+    by = f"{motion.points} known points" if motion.points else f"{len(motion.lengths)} known length(s)"
+    known = bool(motion.lengths or motion.points)
+    sure = f"p = {motion.p:.2g}, {motion.pixels} pixels{f', {by}' if known else ''}"
     projector = "the projector" if motion.projector == "projector" else motion.projector
     camera = "the camera" if motion.camera == "camera" else motion.camera
-    known = bool(motion.lengths or motion.points)
     sign = "" if motion.moved else "no sign that "
-    lines = [f"{motion.capture}: {sign}{projector} has moved against {camera} ({sure})"]
+    inner = " or an interior orientation has changed" if known else ""
+    lines = [f"{motion.capture}: {sign}{projector} has moved against {camera}{inner} ({sure})"]
     if not motion.moved and not known:
         return lines
     if not motion.pair.camera.sigma.any():
@@ -92,7 +94,6 @@ def motion_words(motion: RigMotion) -> list[str]:
         was, now, known_mm = (fixed(mm, 4) for mm in (before, after, length.length_mm))
         lines.append(f"length {ends}: {was} mm as calibrated, {now} corrected, known {known_mm}")
     apart = f"; hardly told apart: {', '.join(motion.unobserved)}" if motion.unobserved else ""
-    by = f"{motion.points} known points" if motion.points else f"{len(motion.lengths)} known length(s)"
     return [*lines, f"shape, scale and distance corrected, by {by}{apart}"]
 
 

@@ -1,4 +1,4 @@
-"""Known lengths in a scene: balls and steps in closed form are measured, what is none of them is refused."""
+"""Known lengths and points of a scene: balls and steps in closed form, what is none, and what all say of a rig."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import pytest
 
 from core.errors import InputError
 from core.geometry import project, ray_directions
-from core.model import KnownLength, PhaseMap
-from core.orient import find_motion
+from core.model import KnownLength, Pair, PhaseMap
+from core.orient import OrientOptions, find_motion
+from tests.core.orient import test_rig_motion as plate
 from tests.core.orient.test_rig_motion import CAMERA, SIGMA, TRUE, Array
 
 CENTRES = np.array([[-50.0, 8.0, -600.0], [45.0, -12.0, -585.0]])
@@ -104,3 +105,35 @@ def test_a_length_that_is_another_one_is_refused(factor: float, told: str) -> No
     told = told.replace("106", f"{factor * HEIGHT:g}")
     with pytest.raises(InputError, match=rf"^--length: 45,72 to 140,72 is .* mm as calibrated, but .*{told}.*; check"):
         measured(known, step())
+
+
+def told(now: Pair, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Probabilities that a rig is at rest: by a capture alone, with 20 known points, and with a known length."""
+    pixels = np.stack(np.meshgrid(np.linspace(40, 140, 5), np.linspace(20, 120, 4)), axis=-1).reshape(-1, 2)
+    places = np.array([[50.0, 35.0], [135.0, 110.0]])
+    mm = float(np.linalg.norm(np.diff(plate.points_of(now, places), axis=0))) + rng.normal(0, 0.005)
+    length = KnownLength("points", ends(*places, radius_px=4.0), mm, 0.005)
+    points = plate.known_points(now, pixels, rng)
+    calibration, phase, few = plate.mistaken(rng), plate.captured(now, rng), OrientOptions(most_places=1000)
+    return (
+        find_motion(phase, calibration, options=few).p,
+        find_motion(phase, calibration, options=few, points=points).p,
+        find_motion(phase, calibration, options=few, lengths=[length]).p,
+    )
+
+
+def test_a_longer_base_is_told_by_what_is_known_of_the_scene() -> None:
+    """Its residuals show nothing: "no sign that the projector has moved" stood above a shift of ten sigmas."""
+    rng = np.random.default_rng(5)
+    longer = plate.turned(TRUE, np.zeros(3), np.array([1.5, 0.0, 0.0]))
+    alone, *known = zip(*(told(longer, rng) for _ in range(6)), strict=True)
+    assert np.min(alone) > 1e-3
+    assert np.max(known) < 1e-6  # the calibrations know the base to 0.17 mm: nine sigmas of one of six
+
+
+def test_known_points_and_lengths_call_a_rig_at_rest_moved_as_rarely_as_stated() -> None:
+    rng = np.random.default_rng(6)
+    p = np.array([told(TRUE, rng) for _ in range(60)])
+    assert (np.abs(np.mean(p, axis=0) - 0.5) < 4 * np.sqrt(1 / 12 / 60)).all()  # evenly between 0 and 1
+    assert (np.sum(p < 0.05, axis=0) <= 8).all()  # 3 expected; more than 8 once in 250 times
+    assert (p > 1e-4).all()

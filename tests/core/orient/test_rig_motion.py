@@ -270,6 +270,16 @@ def points_of(rig: Pair, pixels: Array) -> Array:
     return np.asarray(rays * surface(rays)[:, None])
 
 
+def known_points(now: Pair, pixels: Array, rng: np.random.Generator) -> KnownPoints:
+    """Points in a frame of their own, measured to 0.005 mm and seen to 0.02 px."""
+    X = points_of(now, pixels)
+    uv = project(PROJECTOR, now.projector.interior, X, now.projector_from_camera)
+    seen = np.concatenate([pixels, uv], axis=1) + rng.normal(0, 0.02, (len(X), 4))
+    elsewhere = (X + rng.normal(0, 0.005, X.shape)) @ matrix_from_rotation_vector([0.3, -0.2, 0.4]).T + [9, -7, 600]
+    cov = np.broadcast_to(np.eye(3) * 0.005**2, (len(X), 3, 3))
+    return KnownPoints(elsewhere, cov, seen, np.broadcast_to(np.eye(4) * 0.02**2, (len(X), 4, 4)))
+
+
 def test_a_known_length_corrects_scale_and_distance_as_surely_as_it_says() -> None:
     rng = np.random.default_rng(7)
     ends, check = np.array([[50.0, 35.0], [135.0, 110.0]]), np.array([[50.0, 110.0], [135.0, 35.0]])
@@ -299,12 +309,7 @@ def test_points_known_before_show_all_of_the_orientation_and_c() -> None:
     squared = []
     for _ in range(10):
         now = drifted(rng)
-        X = points_of(now, pixels)
-        uv = project(PROJECTOR, now.projector.interior, X, now.projector_from_camera)
-        seen = np.concatenate([pixels, uv], axis=1) + rng.normal(0, 0.02, (len(X), 4))
-        elsewhere = (X + rng.normal(0, 0.005, X.shape)) @ matrix_from_rotation_vector([0.3, -0.2, 0.4]).T + [9, -7, 600]
-        cov = np.broadcast_to(np.eye(3) * 0.005**2, (len(X), 3, 3))
-        known = KnownPoints(elsewhere, cov, seen, np.broadcast_to(np.eye(4) * 0.02**2, (len(X), 4, 4)))
+        known = known_points(now, pixels, rng)
         motion = find_motion(captured(now, rng), mistaken(rng), points=known)
         found, true = (
             np.concatenate([p.camera.interior.vector[:3], p.projector.interior.vector[:3]]) for p in (motion.pair, now)
