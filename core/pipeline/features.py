@@ -28,16 +28,22 @@ def measure_features(
     projector: str = "",
     orient: bool = False,
     progress: Progress = SILENT,
-) -> list[Feature]:
+) -> tuple[list[Feature], list[InputError]]:
     """Measure features of a capture, each a kind and its place as text, such as ("circle", "210,140,12").
 
     Without a place everything round is looked for; what has no sharp edge, or no surface round it, is left out.
     With `orient` the projector stands where a kept orientation of this capture has it.
 
+    Returns
+    -------
+    found : list of Feature
+    untold : list of InputError
+        Why others that were named could not be measured; where none could, the first of these is raised.
+
     Raises
     ------
     InputError
-        If a place is not well said, no edge is seen there, or there is no photogrammetric calibration.
+        If a place is not well said, no edge is seen at any, or there is no photogrammetric calibration.
     """
     from core.measure import checked_place, find_circles, measure_feature
 
@@ -49,20 +55,24 @@ def measure_features(
         project, name, "photogrammetric", progress=progress, orient=orient, camera=camera, projector=projector
     )
     seen_by = camera_for(phase, calibration)
-    if places:
-        return [measure_feature(kind, numbers, phase, cloud, seen_by, where) for kind, numbers, where in given]
-    found, why = [], Counter[str]()
-    for place in find_circles(phase.image):
+    found: list[Feature] = []
+    untold: list[InputError] = []
+    for kind, numbers, where in given or [("circle", place, name) for place in find_circles(phase.image)]:
         progress.check()
         try:
-            found.append(measure_feature("circle", place, phase, cloud, seen_by))
+            found.append(measure_feature(kind, numbers, phase, cloud, seen_by, where))
         except InputError as error:
-            why[error.seen] += 1
+            untold.append(error)
+    if places:
+        if not found:
+            raise untold[0]
+        return found, untold
     sure = [feature for feature in found if np.diagonal(feature.uv_cov).max() < SURE_PX**2]
     if not sure:
+        why = Counter(error.seen for error in untold)
         seen = "".join(f"; of most places: {text}" for text, _ in why.most_common(1))
         raise InputError(name, f"nothing round was found in it{seen}", "give --circle U,V,RADIUS or --line U,V,U,V")
-    return sure
+    return sure, []
 
 
 def feature_figures(feature: Feature) -> Figures:

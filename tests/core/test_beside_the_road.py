@@ -91,6 +91,24 @@ def test_dots_of_a_plate_are_features_as_sure_as_they_say(calibrated: Path, quic
     assert 0.6 < np.sqrt(np.mean(np.square(beside))) < 1.6
 
 
+def test_one_that_is_not_there_does_not_refuse_other_features(calibrated: Path, quick_truth, tmp_path, capsys) -> None:
+    """One that could not be measured refused all others."""
+    at = true_places(calibrated, quick_truth, "depth-03", "plate.csv")
+    places = sorted(at.values(), key=lambda uv: np.hypot(*(uv - (160, 120))))[:2]  # in the middle of the image
+    nowhere = "--circle", "4,4,3"
+    named = [word for u, v in places for word in ("--circle", f"{u:.1f},{v:.1f},5")]
+    out = tmp_path / "some.json"
+    assert main(["features", str(calibrated), "depth-03", *named, *nowhere, "--json", str(out)]) == 1
+    told = json.loads(out.read_text())
+    off = np.array([f["uv"] for f in told["features"]]) - places
+    assert np.abs(off / [f["uv_sigma"] for f in told["features"]]).max() < 4
+    assert list(told["untold"]) == ["--circle 4,4,3"]
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("stripe-core: --circle 4,4,3: ")
+    assert main(["features", str(calibrated), "depth-03", *nowhere, "--circle", "5,5,3"]) == 2
+
+
 def test_of_features_that_are_not_found_the_reason_is_told(calibrated: Path, capsys) -> None:
     assert main(["features", str(calibrated), "object-sphere"]) == 2
     assert "the surface beside the edge is off a smooth one" in capsys.readouterr().err

@@ -9,6 +9,7 @@ from core import pipeline
 from core.cli.arguments import (
     Commands,
     Options,
+    UnfinishedError,
     add_devices,
     add_urls,
     camera_urls,
@@ -18,7 +19,7 @@ from core.cli.arguments import (
     sequence_argument,
 )
 from core.cli.console import print_verdict
-from core.errors import InputError
+from core.errors import InputError, listed
 from core.progress import Progress
 
 
@@ -100,7 +101,7 @@ def _orient(options: Options, progress: Progress) -> dict[str, Any]:
 def _features(options: Options, progress: Progress) -> dict[str, Any]:
     from core.figures import verdict_figures
 
-    found = pipeline.features.measure_features(
+    found, untold = pipeline.features.measure_features(
         options.project,
         options.capture,
         [("circle", text) for text in options.circle] + [("line", text) for text in options.line],
@@ -113,7 +114,13 @@ def _features(options: Options, progress: Progress) -> dict[str, Any]:
         print(pipeline.features.feature_words(feature))
     verdict = verdict_figures(found[0].verdict)
     print_verdict(options.capture, verdict)
-    return {"features": [pipeline.features.feature_figures(feature) for feature in found], "verdict": verdict}
+    figures = {"features": [pipeline.features.feature_figures(feature) for feature in found], "verdict": verdict}
+    if untold:
+        first, *others = untold
+        figures["untold"] = {error.where: error.seen for error in untold}
+        more = f" (also not measured: {listed([error.where for error in others])})" if others else ""
+        raise UnfinishedError(figures, first.where, f"{first.seen}{more}", first.remedy)
+    return figures
 
 
 def _live(options: Options, progress: Progress) -> dict[str, Any]:
