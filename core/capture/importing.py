@@ -205,8 +205,9 @@ def _read(
 
 
 def frames_in(folder: Path) -> list[Path]:
-    """List the images in a folder, by name, numbers counted."""
-    return sorted((p for p in folder.iterdir() if p.suffix.lower() in ENDINGS and p.is_file()), key=natural)
+    """List the images in a folder, by name, numbers counted; hidden files, as macOS writes beside others, are none."""
+    shown = (p for p in folder.iterdir() if p.suffix.lower() in ENDINGS and not p.name.startswith("."))
+    return sorted((p for p in shown if p.is_file()), key=natural)
 
 
 def natural(path: Path) -> tuple[tuple[int, int, str], ...]:

@@ -67,6 +67,9 @@ def known_points(
         optional = ("sigma_x_mm", "sigma_y_mm", "sigma_z_mm", "u", "v", "sigma_px")
         rows = read_table(points, ("point", "x_mm", "y_mm", "z_mm"), texts=("point",), optional=optional)
         names = [row.text("point") for row in rows]
+        for row, name in zip(rows, names, strict=True):
+            if rows[names.index(name)] is not row:
+                raise InputError(row.where, f"point {name!r} is there already", "remove one of the two")
         xyz = np.array([[row.real(f"{axis}_mm") for axis in "xyz"] for row in rows])
         sigmas = np.array([[row.real(f"sigma_{axis}_mm", least=0.0, default=0.0) for axis in "xyz"] for row in rows])
         cov = sigmas[:, :, None] ** 2 * np.eye(3)

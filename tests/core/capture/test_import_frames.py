@@ -84,6 +84,7 @@ def test_fringes_are_not_taken_for_noise() -> None:
 
 def test_frames_in_the_order_of_their_names(project: Path, tmp_path: Path) -> None:
     patterns = take(tmp_path / "in", "gray-sine")
+    (tmp_path / "in" / "._img3.png").write_bytes(b"\0\5\x16\7")  # as macOS leaves them on other disks
     code = main(
         ["import-frames", str(tmp_path / "in"), str(project), "a", "--role", "object", "--sequence", "gray-sine"]
     )

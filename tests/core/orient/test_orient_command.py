@@ -77,6 +77,15 @@ def test_a_capture_without_board_has_no_targets(calibrated: Path, capsys: pytest
         assert "plane+15: shows no testfield; take a capture of role testfield" in capsys.readouterr().err
 
 
+def test_a_point_twice_in_a_table_is_refused(
+    calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "known.csv"
+    table.write_text("point,x_mm,y_mm,z_mm\n0/0,0,0,0\n0/1,9,0,0\n0/0,1,0,0\n")
+    assert main(["orient", str(calibrated), "testfield-02", "--points", str(table)]) == 2
+    assert "known.csv: line 4: point '0/0' is there already" in capsys.readouterr().err
+
+
 def test_a_board_that_nobody_picked_lies_as_the_calibration_has_it(calibrated: Path, tmp_path: Path) -> None:
     picked = calibrated / "captures" / "testfield-02"
     alone = shutil.copytree(picked, tmp_path / "alone", ignore=shutil.ignore_patterns("picks.json"))
