@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.checks.lengths import LEAST_OFF
+from core.checks.lengths import LEAST_OFF, scale_of
 from core.checks.network import LEVEL
 from core.checks.plates import Plates
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
@@ -18,12 +18,14 @@ def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Conc
     """Compare where a depth calibration has its plate with where the plate's targets were seen.
 
     H0: distances along the targets' rays differ by no plane over the field, beyond what both leave uncertain. What is
-    known of the camera is in both, and counts twice.
+    known of the camera is in both, and counts twice. The board's size, by which its distance goes, is a matter of
+    `lengths`: here it is as large as it is seen.
     """
     if plates is None or not len(plates.names) or depth.covariance is None:
         return []
     pose, axis = depth.camera_from_plate, depth.axis_direction
-    outer = np.array([*rotation_vector_from_matrix(pose.rotation), *pose.translation_mm, *(axis[:2] / axis[2])])
+    size = np.array([1.0, 1.0, 1.0, *3 * [scale_of(plates, plates.xyz_mm)], 1.0, 1.0])
+    outer = size * [*rotation_vector_from_matrix(pose.rotation), *pose.translation_mm, *(axis[:2] / axis[2])]
     values, vectors = np.linalg.eigh(depth.covariance[-len(outer) :, -len(outer) :])
     by_plate = [outer + change for change in (vectors * np.sqrt(np.maximum(values, 0.0))).T]
     seen, sign = plates.xyz_mm, float(np.sign(axis[2]))

@@ -213,12 +213,12 @@ def _affinity(nominal: Array, found: Array) -> tuple[float, float, float]:
 
 def _by_calibration(plates: Plates) -> float:
     """Relative sigma of the plate's size, from the calibration's uncertainty."""
-    own = _scale(plates, plates.xyz_mm)
-    other = np.array([_scale(plates, xyz) for xyz in plates.uncertain_mm])
+    own = scale_of(plates, plates.xyz_mm)
+    other = np.array([scale_of(plates, xyz) for xyz in plates.uncertain_mm])
     return float(np.sqrt(np.nansum((other / own - 1) ** 2)))
 
 
-def _scale(plates: Plates, xyz_mm: Array) -> float:
+def scale_of(plates: Plates, xyz_mm: Array) -> float:
     """Median scale of the found points of all plates, (plates, targets, 3), over the nominal ones."""
     return median_of([fitted[2] for xyz in xyz_mm if (fitted := _fitted(plates.nominal_mm, xyz))])
 
