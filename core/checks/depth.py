@@ -39,7 +39,7 @@ def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Conc
     changes = np.array([fit @ (other[use] - own[use]) for other in others])
     found, left = fit @ own[use], own[use] - A @ (fit @ own[use])
     C = changes.T @ changes + np.var(left) * fit @ fit.T
-    factor = (float(found @ np.linalg.solve(C, found)) / chi_square_limit(len(found), LEVEL)) ** 0.5
+    factor = (float(found @ np.linalg.pinv(C, hermitian=True) @ found) / chi_square_limit(len(found), LEVEL)) ** 0.5
     off = float(np.sqrt(np.mean((A @ found) ** 2)))
     limit = LEAST_OFF * float(np.median(np.linalg.norm(seen[use], axis=1)))
     if factor <= 1 or off <= limit:

@@ -162,14 +162,15 @@ def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]
 def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
     from core.checks import placed_concerns
 
-    lengths = evidence.lengths
-    if evidence.photogrammetric is None:
+    lengths, (camera, _) = evidence.lengths, POLYNOMIAL.pair(evidence.project, depth)
+    known = evidence.calibrations.get(evidence.photogrammetric or "")
+    if known is None:
         plates = [c for c in evidence.captures if c.role == "depth"]
-        camera, _ = POLYNOMIAL.pair(evidence.project, depth)
         seen = {t.capture: t for t in evidence.sets if t.camera == camera}
         lengths = lengths_of(depth.camera_spec, depth.camera, plates, seen)
     of_plates = [c for c in lengths if c.about != "board"]
-    of_plates += placed_concerns(depth, evidence.plates[0]) if not of_plates else []
+    if not of_plates and isinstance(known, PhotogrammetricCalibration) and known.camera_name == camera:
+        of_plates = placed_concerns(depth, evidence.plates[0])  # in that camera's frame
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
     return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
 
