@@ -240,50 +240,63 @@ def _adjust(
         found = project(spec, interior, places + z[:, None] * axis, pose)
         return np.asarray(np.nan_to_num(found - uv, nan=1e4))
 
-    def residuals(p: Array, own: float, shared: float) -> Array:
+    def magnified(p: Array) -> Array:
+        """How large (n,) the plate's errors are seen, from near more so; 1 in the mean."""
+        _, pose, axis = _unpack(spec, np.append(p * scale, sign))
+        depth = -pose.apply(places + z[:, None] * axis)[:, 2]
+        near = 1 / np.maximum(depth, 0.1 * np.abs(depth).mean())
+        return np.asarray(near / near.mean())
+
+    def residuals(p: Array, size: Array, own: float, shared: float) -> Array:
         before = known.root @ (p[:k] * scale[:k] - known.interior.vector)
-        observed = _decorrelated(misfit(p), target, own, shared).ravel()
+        observed = _decorrelated(misfit(p), target, size, own, shared).ravel()
         return np.concatenate([observed, before, p[-2:] * scale[-2:] / AXIS_PRIOR_RAD])
 
-    def jacobian(p: Array, own: float, shared: float) -> Array:
+    def jacobian(p: Array, size: Array, own: float, shared: float) -> Array:
         by = np.nan_to_num(_derivatives(spec, np.append(p * scale, sign), places, z)).reshape(len(uv), -1)
-        observed = _decorrelated(by, target, own, shared).reshape(2 * len(uv), -1)
+        observed = _decorrelated(by, target, size, own, shared).reshape(2 * len(uv), -1)
         before = np.eye(k, len(p)), np.eye(2, len(p), len(p) - 2) / AXIS_PRIOR_RAD
         return np.concatenate([observed, known.root @ before[0], before[1]]) * scale
 
     p, sigmas = start[:-1] / scale, (1.0, 0.0)
     rounds, steps = effort
     for _ in range(rounds):
-        own, shared = sigmas
-        by_sigmas = partial(residuals, own=own, shared=shared), partial(jacobian, own=own, shared=shared)
-        p, J = least_squares(*by_sigmas, p, steps)
-        sigmas = _sigmas(misfit(p), target)
-    covariance = np.asarray(np.linalg.pinv(J.T @ J, hermitian=True) * np.outer(scale, scale), np.float64)
+        size, (own, shared) = magnified(p), sigmas
+        misfits = partial(residuals, size=size, own=own, shared=shared)
+        p, J = least_squares(misfits, partial(jacobian, size=size, own=own, shared=shared), p, steps)
+        sigmas = _sigmas(misfit(p), target, magnified(p))
+    unit = np.linalg.norm(J, axis=0)  # what is known to 1e-9 of its usual sigma must not hide what is not
+    covariance = np.asarray(np.linalg.pinv((J / unit).T @ (J / unit), hermitian=True), np.float64)
+    covariance *= np.outer(scale / unit, scale / unit)
     rest = misfit(p)
     return _Solution(np.append(p * scale, sign), float(np.sum(rest**2)), rest, covariance)
 
 
-def _target_means(rest: Array, target: Ints) -> tuple[Array, Array]:
-    """Mean (targets, 2) and number (targets, 1) of each target's residuals (n, 2)."""
-    count = np.bincount(target)[:, None].astype(np.float64)
-    return np.stack([np.bincount(target, column) for column in rest.T], axis=-1) / count, count
+def _errors_of_targets(rest: Array, target: Ints, size: Array) -> tuple[Array, Array]:
+    """Error (targets, 2) of each target's place, px, by its residuals (n, 2) seen in sizes (n,), and its weight."""
+    weight = np.asarray(np.bincount(target, size**2)[:, None], np.float64)
+    return np.stack([np.bincount(target, size * column) for column in rest.T], axis=-1) / weight, weight
 
 
-def _decorrelated(rest: Array, target: Ints, own: float, shared: float) -> Array:
-    """Residuals (n, 2), or changes (n, 2 k) of them, made independent by the sigmas (px) of each and of each target."""
-    means, count = _target_means(rest, target)
-    keep = own / np.sqrt(own**2 + count * shared**2)
-    return (rest - ((1 - keep) * means)[target]) / own
+def _decorrelated(rest: Array, target: Ints, size: Array, own: float, shared: float) -> Array:
+    """Residuals (n, 2), or changes (n, 2 k) of them, made independent by the sigmas (px) of each and of each target.
+
+    A target printed beside its place is seen so at all positions, but larger from near. Taken for as large it would
+    change what tells the distance of every target, and the plate's tilt would be held twice as certain as it is.
+    """
+    errors, weight = _errors_of_targets(rest, target, size)
+    keep = own / np.sqrt(own**2 + weight * shared**2)
+    return (rest - size[:, None] * ((1 - keep) * errors)[target]) / own
 
 
-def _sigmas(rest: Array, target: Ints) -> tuple[float, float]:
+def _sigmas(rest: Array, target: Ints, size: Array) -> tuple[float, float]:
     """Estimate the sigma of each residual alone and the one that a target's residuals share, in px."""
-    means, count = _target_means(rest, target)
-    repeats = len(rest) - len(count)
+    errors, weight = _errors_of_targets(rest, target, size)
+    repeats = len(rest) - len(weight)
     if repeats < LEAST_REPEATS:  # nothing was seen twice: all is taken for the residuals' own
         return max(float(np.sqrt(np.sum(rest**2) / max(rest.size - 8, 1))), LEAST_SIGMA_PX), 0.0
-    own = np.sum((rest - means[target]) ** 2) / (2 * repeats)
-    shared = np.sum(means**2) / max(means.size - 8, 1) - own * np.mean(1 / count)
+    own = np.sum((rest - size[:, None] * errors[target]) ** 2) / (2 * repeats)
+    shared = np.sum(errors**2) / max(errors.size - 8, 1) - own * np.mean(1 / weight)
     return max(float(np.sqrt(own)), LEAST_SIGMA_PX), float(np.sqrt(max(shared, 0.0)))
 
 
