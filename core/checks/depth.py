@@ -18,13 +18,28 @@ def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Conc
     """Compare where a depth calibration has its plate with where the plate's targets were seen.
 
     H0: distances along the targets' rays differ by no plane over the field, beyond what both leave uncertain. What is
-    known of the camera is in both, and counts twice. The board's size, by which its distance goes, is a matter of
-    `lengths`: here it is as large as it is seen.
+    known of the camera is in both, and counts twice. The board's size is a matter of `lengths`: as far as the plate's
+    distance goes by it and not by the plate's travel, the board is as large here as it is seen.
     """
     if plates is None or not len(plates.names) or depth.covariance is None:
         return []
+    factor, off = min(_off(depth, plates, size) for size in (1.0, scale_of(plates, plates.xyz_mm)))
+    limit = LEAST_OFF * float(np.linalg.norm(depth.camera_from_plate.translation_mm))
+    if factor <= 1 or off <= limit:
+        return []
+    text = (
+        f"the plate lies {off:.2g} mm r.m.s. off where the photogrammetric calibration sees its targets, {factor:.2g} "
+        "times what both leave uncertain: correct x_mm, y_mm and z_mm of the plate's testfield file, or calibrate "
+        "both again if the camera was moved between"
+    )
+    return [Concern("failed" if min(factor, off / limit) > FAILED else "doubtful", text, "plates")]
+
+
+def _off(depth: DepthCalibration, plates: Plates, scale: float) -> tuple[float, float]:
+    """How many times the limit of chance a plate of so many times its size is off, and by what, r.m.s. in mm."""
+    assert depth.covariance is not None
     pose, axis = depth.camera_from_plate, depth.axis_direction
-    size = np.array([1.0, 1.0, 1.0, *3 * [scale_of(plates, plates.xyz_mm)], 1.0, 1.0])
+    size = np.array([1.0, 1.0, 1.0, scale, scale, scale, 1.0, 1.0])
     outer = size * [*rotation_vector_from_matrix(pose.rotation), *pose.translation_mm, *(axis[:2] / axis[2])]
     values, vectors = np.linalg.eigh(depth.covariance[-len(outer) :, -len(outer) :])
     by_plate = [outer + change for change in (vectors * np.sqrt(np.maximum(values, 0.0))).T]
@@ -40,16 +55,7 @@ def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Conc
     found, left = fit @ own[use], own[use] - A @ (fit @ own[use])
     C = changes.T @ changes + np.var(left) * fit @ fit.T
     factor = (float(found @ np.linalg.pinv(C, hermitian=True) @ found) / chi_square_limit(len(found), LEVEL)) ** 0.5
-    off = float(np.sqrt(np.mean((A @ found) ** 2)))
-    limit = LEAST_OFF * float(np.median(np.linalg.norm(seen[use], axis=1)))
-    if factor <= 1 or off <= limit:
-        return []
-    text = (
-        f"the plate lies {off:.2g} mm r.m.s. off where the photogrammetric calibration sees its targets, {factor:.2g} "
-        "times what both leave uncertain: correct x_mm, y_mm and z_mm of the plate's testfield file, or calibrate "
-        "both again if the camera was moved between"
-    )
-    return [Concern("failed" if min(factor, off / limit) > FAILED else "doubtful", text, "plates")]
+    return factor, float(np.sqrt(np.mean((A @ found) ** 2)))
 
 
 def _apart(z_mm: Array, seen: Array, outer: Array, sign: float) -> Array:
