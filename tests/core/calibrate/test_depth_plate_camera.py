@@ -45,18 +45,25 @@ def test_targets_seen_once_share_nothing() -> None:
     assert shared == 0.0
 
 
-def _oriented(seed: int, off_mm: float) -> np.ndarray:
-    """Error of c, x0, y0 (mm) and the axis (rad) from one simulated plate with targets off their places."""
-    rng = np.random.default_rng(seed)
-    row, col = (a.ravel() for a in np.meshgrid(np.arange(9), np.arange(13), indexing="ij"))
-    nominal = np.stack([(col - 6) * 20.0, (4 - row) * 20.0, 0.0 * row], axis=-1)
+def _plate_seen(
+    rng: np.random.Generator, shape: tuple[int, int], pitch_mm: float, off_mm: float, noise_px: float
+) -> list[TargetPlane]:
+    """A plate of targets that are off their places, at eleven positions."""
+    row, col = (a.ravel() for a in np.meshgrid(*map(np.arange, shape), indexing="ij"))
+    middle = np.array(shape) // 2
+    nominal = np.stack([(col - middle[1]) * pitch_mm, (middle[0] - row) * pitch_mm, 0.0 * row], axis=-1)
     true = nominal + rng.normal(0, off_mm, nominal.shape) * (1, 1, 0)
     planes = []
     for z in np.arange(-50, 51, 10.0):
-        uv = project(SPEC, CAMERA, true + z * AXIS, POSE) + rng.normal(0, 0.012, (len(row), 2))
+        uv = project(SPEC, CAMERA, true + z * AXIS, POSE) + rng.normal(0, noise_px, (len(row), 2))
         seen = np.all((uv > 2) & (uv < (745, 573)), axis=-1)
         planes.append(TargetPlane(float(z), np.arange(len(row))[seen], nominal[seen], uv[seen]))
-    found = orient_camera(SPEC, planes)
+    return planes
+
+
+def _oriented(seed: int, off_mm: float) -> np.ndarray:
+    """Error of c, x0, y0 (mm) and the axis (rad) from one simulated plate with targets off their places."""
+    found = orient_camera(SPEC, _plate_seen(np.random.default_rng(seed), (9, 13), 20.0, off_mm, 0.012))
     return np.array([*(found.interior.vector - CAMERA.vector)[:3], *(found.axis_direction - AXIS)[:2]])
 
 
@@ -65,14 +72,7 @@ def test_a_plate_stands_as_surely_as_it_says(off_mm: float, noise_px: float) -> 
     """Errors of tilt and distance were 1.7 to 2.7 sigmas while targets off their places were seen alike from all."""
     ratios = []
     for seed in range(24):
-        rng = np.random.default_rng(seed)
-        row, col = (a.ravel() for a in np.meshgrid(np.arange(7), np.arange(9), indexing="ij"))
-        nominal = np.stack([(col - 4) * 24.0, (3 - row) * 24.0, 0.0 * row], axis=-1)
-        true = nominal + rng.normal(0, off_mm, nominal.shape) * (1, 1, 0)
-        planes = []
-        for z in np.arange(-50, 51, 10.0):
-            uv = project(SPEC, CAMERA, true + z * AXIS, POSE) + rng.normal(0, noise_px, (len(row), 2))
-            planes.append(TargetPlane(float(z), np.arange(len(row)), nominal, uv))
+        planes = _plate_seen(np.random.default_rng(seed), (7, 9), 24.0, off_mm, noise_px)
         found = orient_camera(SPEC, planes, interior=(CAMERA, np.zeros((9, 9))))
         pose, spread = found.camera_from_plate, np.sqrt(np.diagonal(found.covariance)[-8:-2])
         turn = rotation_vector_from_matrix(pose.rotation) - rotation_vector_from_matrix(POSE.rotation)
