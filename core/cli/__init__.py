@@ -57,6 +57,9 @@ def _end(number: int, frame: FrameType | None) -> None:
     global _ended
     signal.signal(number, signal.SIG_IGN)
     _ended = number
+    sys.unraisablehook = lambda _: (
+        None
+    )  # a finalizer or a hook of fork() may swallow it: no word on that, see `_not_ended`
     raise KeyboardInterrupt(number)
 
 

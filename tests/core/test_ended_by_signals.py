@@ -56,11 +56,34 @@ def test_a_command_ends_in_one_line_while_its_first_parts_are_loaded(tmp_path: P
 def test_an_end_that_a_callback_swallowed_comes_at_the_next_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
     monkeypatch.setattr(cli, "_ended", 0)
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     assert Progress(cancelled=cli._not_ended)(0.1) is None
     with suppress(KeyboardInterrupt):  # as what is called from C, or a finalizer, does
         cli._end(15, None)
     with pytest.raises(KeyboardInterrupt, match="15"):
         Progress(cancelled=cli._not_ended)(0.2)
+
+
+def test_an_end_that_a_finalizer_swallows_is_told_once() -> None:
+    """Python tells of what nothing can raise; logging's hook of fork() was seen to swallow the end so."""
+    work = (
+        "import os, signal, sys\n"
+        "from core import cli\n"
+        "class Going:\n"
+        "    def __del__(self):\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "        list(map(str, range(9)))\n"
+        "def work(options, progress):\n"
+        "    going = Going()\n"
+        "    del going\n"
+        "    progress(0.5)\n"
+        "cli._worked = work\n"
+        "sys.argv = ['stripe-core', 'status', '.']\n"
+        "cli.run()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", work], capture_output=True, text=True, check=False)
+    assert ended.stderr == "stripe-core: the command: cancelled; start it again when you want the result\n"
+    assert ended.returncode == 143
 
 
 def test_an_end_that_an_import_makes_its_own_error_of_is_told_as_an_end(
@@ -73,6 +96,7 @@ def test_an_end_that_an_import_makes_its_own_error_of_is_told_as_an_end(
 
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
     monkeypatch.setattr(cli, "_ended", 0)
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     monkeypatch.setattr(cli, "_worked", work)
     assert cli.main(["status", "."]) == 130
     assert capsys.readouterr().err == "stripe-core: the command: cancelled; start it again when you want the result\n"
