@@ -109,9 +109,12 @@ def add_subject(parser: Parser) -> None:
 
 
 def chosen_subject(options: Options, camera: str = "", projector: str = "") -> Subject:
-    """Read what a new capture is of."""
+    """Read what a new capture is of, and refuse a position of what has none."""
     from core.model import Subject
 
+    for option, value, role in (("--z-mm", options.z_mm, "depth"), ("--angle-deg", options.angle_deg, "plane")):
+        if value is not None and options.role != role:
+            raise InputError(option, f"{value:g}, with role {options.role}", f"it is for role {role}: leave it out")
     where = (options.z_mm, options.angle_deg, options.testfield)
     return Subject(options.role, options.name, *where, camera, projector)
 

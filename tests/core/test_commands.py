@@ -189,6 +189,17 @@ def test_boards_may_be_described_with_y_down_and_plates_counted_backwards(
     assert now == pytest.approx(was, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("option", "role"),
+    [("--z-mm", "object"), ("--z-mm", "testfield"), ("--angle-deg", "depth"), ("--angle-deg", "object")],
+)
+def test_a_position_is_for_its_role(
+    quick_original: Path, capsys: pytest.CaptureFixture[str], option: str, role: str
+) -> None:
+    assert main(["capture", str(quick_original), "new", "--role", role, option, "5"]) == 2
+    assert f"{option}: 5, with role {role}" in capsys.readouterr().err
+
+
 def test_capture_runs_the_virtual_rig_of_the_project(quick: Path, tmp_path: Path) -> None:
     figures = run("capture", quick, "plane-new", "--role", "plane", "--angle-deg", 5, tmp_path=tmp_path)
     assert figures["findings"]
