@@ -74,6 +74,8 @@ def _points(path: Path) -> dict[str, list[float]]:
             raise InputError(row.where, f"point {name!r} is there already", "remove one of the two")
         known = [row.real(column, least=0.0, default=np.inf) for column in sigmas]
         points[name] = [row.real(f"{axis}_mm") for axis in "xyz"] + known
+    if len(points) > 1 and len({tuple(known[:3]) for known in points.values()}) == 1:
+        raise InputError(path, f"all {len(points)} points are at one place", "give every point its own coordinates")
     return points
 
 

@@ -468,3 +468,12 @@ def test_a_wrong_network_is_told(network_folder: Path, file: str, old: str, new:
     with pytest.raises(InputError, match=told) as caught:
         read_network(network_folder)
     assert file in str(caught.value)
+
+
+def test_points_at_one_place_are_no_network(network_folder: Path) -> None:
+    """Zeros for coordinates that nobody knows: no adjustment begins there."""
+    path = network_folder / "points.csv"
+    head, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([head, *(f"{row.split(',')[0]},0,0,0" for row in rows)]) + "\n")
+    with pytest.raises(InputError, match=r"points\.csv: all \d points are at one place"):
+        read_network(network_folder)
