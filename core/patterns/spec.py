@@ -147,7 +147,9 @@ def parse_sequence(text: str, where: str = "--sequence") -> SequenceSpec:
             key, equals, value = item.partition("=")
             if not equals:
                 raise InputError(where, f"{item!r} after {name}", "give options as in gray-sine:period=24,steps=8")
-            options[key.strip()] = _value(value.strip())
+            if (key := key.strip()) in options:
+                raise InputError(where, f"{key!r} after {name} twice", "give every option once")
+            options[key] = _value(value.strip())
         return read_sequence({"preset": name, **options}, where)
     if os.path.exists(text) or text.endswith(".json"):
         return read_sequence_file(Path(text))

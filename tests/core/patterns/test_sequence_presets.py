@@ -84,6 +84,7 @@ def test_options_have_defaults_and_do_what_they_say() -> None:
         ("gray-sine:axes=z", "axes is 'z'"),
         ("gray-sine:profile=saw", "profile is 'saw'"),
         ("paper:period=16", "no option 'period'"),
+        ("gray-sine:steps=3,steps=4", "'steps' after gray-sine twice"),
         ("dense:frames=0", "frames is 0"),
         ('{"preset": "gray"}', "preset is 'gray'"),
         ("[]", "empty"),
