@@ -17,7 +17,7 @@ captures.py  the same frames twice, grey values unlike the others', dots' diamet
 left_out.py  points and captures that had no part, with the reasons
 """
 
-from core.checks.boards import exchanged_notes, misplaced_concerns
+from core.checks.boards import exchanged_notes, misplaced_concerns, misplaced_on_plate
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
 from core.checks.depth import placed_concerns
 from core.checks.given import given_concerns
@@ -32,9 +32,9 @@ from core.checks.weights import uneven_axes
 
 __all__ = [
     "Plates", "adjustment_concerns", "bar_notes", "code_concerns", "depthless_concerns", "end_notes",
-    "exchanged_notes", "foreign_concerns",
-    "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of", "length_concerns",
-    "light_end", "misplaced_concerns", "nominal_concerns", "pair_concerns", "placed_concerns", "plane_concerns",
-    "plane_words", "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets",
-    "response_concerns", "see_plates", "size_concerns", "sound_words", "uneven_axes",
+    "exchanged_notes", "foreign_concerns", "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of",
+    "length_concerns", "light_end", "misplaced_concerns", "misplaced_on_plate", "nominal_concerns", "pair_concerns",
+    "placed_concerns", "plane_concerns", "plane_words", "pose_plates", "rejected_of", "repeated_frames",
+    "repeated_planes", "repeated_targets", "response_concerns", "see_plates", "size_concerns", "sound_words",
+    "uneven_axes",
 ]  # fmt: skip

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.checks.lengths import nominal_of
+from core.checks.plates import Plates
 from core.digits import fixed
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, Note, TargetSet, Testfield
@@ -18,16 +19,39 @@ EVEN, LEAST = 0.01, 12  # of the spacing, by which targets are off the even grid
 UNSEEN = 0.08  # of the spacing: a target that is so far off the grid, and in none of
 CAPTURES = 4  # or more captures
 ASTRAY, FEW_ASTRAY = 0.5, 0.25  # of the spacing: another's place is nearer; a share of the targets
-AROUND, MOST = 8, 3  # targets about each; and that may be wrong by mistake
+AROUND, MOST = 8, 3  # targets about each; and that may be wrong by mistake, but for those of one row or column
+SEVERAL = 3  # positions of a plate that tell a target's place and how surely
 
 
 def misplaced_concerns(board: Testfield, adjustment: Adjustment, sets: Sequence[TargetSet]) -> list[Concern]:
     """Compare single targets with their adjusted places, and those that no capture has with their rows and columns."""
+    nominal = nominal_of(adjustment, board)
+    known = np.flatnonzero(np.isfinite(nominal).all(axis=1))
+    sigma = np.sqrt(np.trace(adjustment.point_cov_mm2[known], axis1=1, axis2=2))
+    off = _beside_others(nominal[known], adjustment.points_mm[known]) if len(known) >= LEAST else np.zeros((0, 3))
+    places = [(i.row, i.col) for i in (adjustment.network.point_ids[k] for k in known)]
     spacing = _spacing(board.xyz_mm)
-    told = [*_elsewhere(board, adjustment, spacing), *(_nowhere(board, sets, spacing) if len(sets) >= CAPTURES else [])]
-    if len(told) > MOST:
+    told = [*_elsewhere("testfield", places, off, sigma, spacing)]
+    told += _nowhere(board, sets, spacing) if len(sets) >= CAPTURES else []
+    return [Concern("doubtful", text, "board") for text in told] if len(told) <= MOST else []
+
+
+def misplaced_on_plate(board: Testfield, plates: Plates) -> list[Concern]:
+    """Compare single targets of a plate with where they are seen on it, in the mean of its positions."""
+    seen = [np.isfinite(xyz).all(axis=1) for xyz in plates.xyz_mm]
+    off = np.full((len(seen), len(board.row), 3), np.nan)
+    for own, use, xyz in zip(off, seen, plates.xyz_mm, strict=True):
+        if use.sum() >= LEAST:
+            own[use] = _beside_others(plates.nominal_mm[use], xyz[use])
+    number = np.isfinite(off[..., 0]).sum(axis=0)
+    often = np.flatnonzero(number >= SEVERAL)
+    if len(often) < LEAST:
         return []
-    return [Concern("doubtful", text, "board") for text in told]
+    mean, spread = np.nanmean(off[:, often], axis=0), np.nanstd(off[:, often], axis=0, ddof=1)
+    sigma = np.linalg.norm(spread, axis=1) / np.sqrt(number[often])
+    places = [board.keys[k] for k in often]
+    told = _elsewhere("the plate's testfield file", places, mean, sigma, _spacing(board.xyz_mm))
+    return [Concern("doubtful", text, "plates") for text in told]
 
 
 def exchanged_notes(board: Testfield) -> tuple[Note, ...]:
@@ -49,24 +73,31 @@ def exchanged_notes(board: Testfield) -> tuple[Note, ...]:
     return (Note(text, "value"),)
 
 
-def _elsewhere(board: Testfield, adjustment: Adjustment, spacing: float) -> list[str]:
-    """Tell targets that were adjusted to another place than the file has, against those around: boards bend."""
-    nominal = nominal_of(adjustment, board)
-    known = np.flatnonzero(np.isfinite(nominal).all(axis=1))
-    if len(known) < LEAST:
-        return []
-    nominal, sigma = nominal[known], np.sqrt(np.trace(adjustment.point_cov_mm2[known], axis1=1, axis2=2))
-    scale, R, shift = similarity(nominal, adjustment.points_mm[known])
-    off = (adjustment.points_mm[known] - shift) @ R / scale - nominal
+def _beside_others(nominal: Array, found: Array) -> Array:
+    """How far each target is from where a board has it, (n, 3) mm, against those around: boards bend."""
+    scale, R, shift = similarity(nominal, found)
+    off = (found - shift) @ R / scale - nominal
     around = np.swapaxes(off[nearest(nominal, AROUND + 1)[:, 1:]], 1, 2)
-    off -= row_median(around.reshape(off.size, -1)).reshape(off.shape)
+    return np.asarray(off - row_median(around.reshape(off.size, -1)).reshape(off.shape))
+
+
+def _elsewhere(file: str, places: Sequence[tuple[int, int]], off: Array, sigma: Array, spacing: float) -> list[str]:
+    """Tell of targets that are seen elsewhere than a file has them: few, or those of one row or column."""
+    if not len(off):
+        return []
     size = np.linalg.norm(off, axis=1)
     usual = median_of(size)
+    far = np.flatnonzero(size > np.maximum(max(FAR * usual, OFF * spacing), FAR * sigma)).tolist()
+    named = [(f"target {row}/{col}", [k]) for k in far for row, col in [places[k]]]
+    if len(far) > MOST:
+        rows, columns = ({places[k][axis] for k in far} for axis in (0, 1))
+        named = [(f"row {min(rows)}", far)] if len(rows) == 1 else []
+        named += [(f"column {min(columns)}", far)] if len(columns) == 1 else []
     return [
-        f"testfield: target {adjustment.network.point_names[known[k]]} is seen {size[k]:.2g} mm from where the file "
-        f"has it ({', '.join(fixed(x, 2, '+') for x in off[k])}), half of the others within {usual:.2g} mm: "
-        "correct its x_mm, y_mm and z_mm in the testfield file"
-        for k in np.flatnonzero(size > np.maximum(max(FAR * usual, OFF * spacing), FAR * sigma)).tolist()
+        f"{file}: {name} is seen {median_of(size[own]):.2g} mm from where the file has it "
+        f"({', '.join(fixed(median_of(x), 2, '+') for x in off[own].T)}), half of the others within {usual:.2g} mm: "
+        "correct x_mm, y_mm and z_mm there"
+        for name, own in named
     ]
 
 

@@ -215,9 +215,7 @@ class Evidence:
         assert isinstance(calibration, PhotogrammetricCalibration)
         if found := depthless_concerns(calibration, adjustment):
             return found
-        plates, plate = self.plates
-        same = plate is not None and _same(plate, board)
-        return length_concerns(adjustment, board, self.project.scale, plates, same)
+        return length_concerns(adjustment, board, self.project.scale, self.plates[0], self.same_board)
 
     @cached_property
     def plates(self) -> tuple[Plates | None, Testfield | None]:
@@ -226,6 +224,12 @@ class Evidence:
         if not isinstance(calibration, PhotogrammetricCalibration):
             return None, None
         return _plates(calibration, self.captures, self.kept)
+
+    @property
+    def same_board(self) -> bool:
+        """Whether the plates have the board that the photogrammetric calibration was adjusted with."""
+        plate = self.plates[1]
+        return plate is not None and _same(plate, self.used[self.photogrammetric or ""][0].testfield)
 
     def targets(self, method: Method) -> list[TargetSet]:
         """The targets of the captures that a method used."""

@@ -160,17 +160,20 @@ def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]
 
 
 def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
-    from core.checks import placed_concerns
+    from core.checks import misplaced_on_plate, placed_concerns
 
     lengths, (camera, _) = evidence.lengths, POLYNOMIAL.pair(evidence.project, depth)
     known = evidence.calibrations.get(evidence.photogrammetric or "")
     if known is None:
-        plates = [c for c in evidence.captures if c.role == "depth"]
+        captures = [c for c in evidence.captures if c.role == "depth"]
         seen = {t.capture: t for t in evidence.sets if t.camera == camera}
-        lengths = lengths_of(depth.camera_spec, depth.camera, plates, seen)
+        lengths = lengths_of(depth.camera_spec, depth.camera, captures, seen)
     of_plates = [c for c in lengths if c.about != "board"]
+    plates, board = evidence.plates
+    if plates is not None and board is not None and not evidence.same_board:
+        of_plates += misplaced_on_plate(board, plates)
     if not of_plates and isinstance(known, PhotogrammetricCalibration) and known.camera_name == camera:
-        of_plates = placed_concerns(depth, evidence.plates[0])  # in that camera's frame
+        of_plates = placed_concerns(depth, plates)  # in that camera's frame
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
     return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
 

@@ -23,6 +23,7 @@ from core.checks import (
     foreign_concerns,
     length_concerns,
     misplaced_concerns,
+    misplaced_on_plate,
     nominal_concerns,
     placed_concerns,
     repeated_targets,
@@ -72,6 +73,7 @@ def judge(p: Project) -> Verdict:
     def lengths() -> list[Concern]:
         plates = see_plates(calibration, p.plates, p.z_mm, p.plate)
         told = length_concerns(adjustment, p.board, p.scale, plates, False)
+        told = [*told, *misplaced_on_plate(p.plate, plates)]
         return told or placed_concerns(depth(p, calibration), plates)
 
     concerns = [
@@ -98,6 +100,11 @@ def depth(p: Project, known: PhotogrammetricCalibration) -> DepthCalibration:
     return DepthCalibration(
         "u", z, 3, none, none, 0.1, 1, spec, found.interior, pose, axis, covariance=found.covariance
     )
+
+
+def shifted_column(field: Testfield, col: int, x_mm: float) -> Testfield:
+    """As a slip of the hand in a table of coordinates makes it."""
+    return replace(field, xyz_mm=field.xyz_mm + x_mm * (field.col == col)[:, None] * [1, 0, 0])
 
 
 def sheared(field: Testfield) -> Testfield:
@@ -250,12 +257,26 @@ KINDS: dict[str, tuple[Callable[[Project], Project], str]] = {
         lambda p: misplaced(p, 1, 1, z=4),
         r"target 1/1 is seen (4|3\.[89]|4\.[012]) mm from",
     ),
+    "board's column 1.5 mm off": (
+        lambda p: replace(p, board=shifted_column(p.board, 3, 1.5)),
+        r"^testfield: column 3 is seen 1\.[3-7] mm from",
+    ),
+    "plate's column 1.5 mm off": (
+        lambda p: replace(p, plate=shifted_column(p.plate, 2, 1.5)),
+        r"^the plate's testfield file: column 2 is seen 1\.[3-7] mm from",
+    ),
+    "plate's target 2 mm off": (
+        lambda p: replace(
+            p, plate=replace(p.plate, xyz_mm=p.plate.xyz_mm + 2.0 * (np.arange(len(p.plate.row)) == 20)[:, None])
+        ),
+        r"^the plate's testfield file: target \d/\d is seen 3\.[1-6] mm from",
+    ),
     "plate's board x1.05": (lambda p: replace(p, plate=scaled(p.plate, 1.05)), f"{PLATE}.*1.0"),
     "plate's board sheared by 1 %": (
         lambda p: replace(p, plate=sheared(p.plate)),
         r"plate.*x and y are (90\.5|89\.4)\d° apart",
     ),
-    "plate's z 3 mm": (lambda p: replace(p, plate=lifted(p.plate, 3.0)), "^the plate lies 3"),
+    "plate's z 3 mm": (lambda p: replace(p, plate=lifted(p.plate, 3.0)), r"^the plate lies (3|2\.9)"),
     "plate's board in cm": (lambda p: replace(p, plate=scaled(p.plate, 0.1)), f"{PLATE}.*cm"),
     "plate's board x x1.03": (lambda p: replace(p, plate=scaled(p.plate, 1.03, 1.0)), "plate's .*x is stretched"),
     "both boards x1.05": (lambda p: both_boards(p, 1.05), "known lengths disagree"),
