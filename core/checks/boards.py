@@ -20,6 +20,7 @@ UNSEEN = 0.08  # of the spacing: a target that is so far off the grid, and in no
 CAPTURES = 4  # or more captures
 ASTRAY, FEW_ASTRAY = 0.5, 0.25  # of the spacing: another's place is nearer; a share of the targets
 AROUND, MOST = 8, 3  # targets about each; and that may be wrong by mistake, but for those of one row or column
+LITTLE = 1e-3  # of a distance, by which it has no part in a direction
 SEVERAL = 3  # positions of a plate that tell a target's place and how surely
 
 
@@ -93,12 +94,15 @@ def _elsewhere(file: str, places: Sequence[tuple[int, int]], off: Array, sigma: 
         rows, columns = ({places[k][axis] for k in far} for axis in (0, 1))
         named = [(f"row {min(rows)}", far)] if len(rows) == 1 else []
         named += [(f"column {min(columns)}", far)] if len(columns) == 1 else []
-    return [
-        f"{file}: {name} is seen {median_of(size[own]):.2g} mm from where the file has it "
-        f"({', '.join(fixed(median_of(x), 2, '+') for x in off[own].T)}), half of the others within {usual:.2g} mm: "
-        "correct x_mm, y_mm and z_mm there"
-        for name, own in named
-    ]
+    told = []
+    for name, own in named:
+        far_off, by = median_of(size[own]), [median_of(column) for column in off[own].T]
+        away = ", ".join(fixed(x if abs(x) > LITTLE * far_off else 0.0, 2, "+") for x in by)
+        told.append(
+            f"{file}: {name} is seen {far_off:.2g} mm from where the file has it ({away}), half of the others within "
+            f"{usual:.2g} mm: correct x_mm, y_mm and z_mm there"
+        )
+    return told
 
 
 def _nowhere(board: Testfield, sets: Sequence[TargetSet], spacing: float) -> list[str]:

@@ -92,22 +92,38 @@ def _beyond_chance(off: Array, sigma: Array) -> tuple[float, float]:
 
 
 def pose_plates(
-    spec: DeviceSpec, interior: Interior, targets: Sequence[TargetSet], z_mm: Mapping[str, float], board: Testfield
+    spec: DeviceSpec,
+    interior: Interior,
+    targets: Sequence[TargetSet],
+    z_mm: Mapping[str, float],
+    board: Testfield,
+    *,
+    seen: bool = False,
 ) -> Plates:
-    """Place the nominal board in front of the camera alone, where there is no calibrated projector."""
+    """Place the nominal board in front of the camera alone, where there is no calibrated projector.
+
+    With `seen`, targets are where their rays meet the board, each at the height that the board gives it.
+    """
     index = board.index()
     names, z, xyz = [], [], []
     for t in targets:
         use = np.asarray(np.array([key in index for key in t.keys], bool) & np.isfinite(t.camera_uv).all(axis=1))
         if use.sum() < LEAST:
             continue
-        nominal = board.xyz_mm[[index[key] for key, used in zip(t.keys, use.tolist(), strict=True) if used]]
+        own = [index[key] for key, used in zip(t.keys, use.tolist(), strict=True) if used]
+        nominal = board.xyz_mm[own]
         tangents = ray_directions(spec, interior, t.camera_uv[use])[:, :2] * (1.0, -1.0)
         found, rotation, shift = cv2.solvePnP(nominal, np.ascontiguousarray(tangents), np.eye(3), None)
-        if found:
-            names.append(t.capture)
-            z.append(z_mm[t.capture])
-            xyz.append((board.xyz_mm @ cv2.Rodrigues(rotation)[0].T + shift.ravel()) * (1.0, -1.0, -1.0))
+        if not found:
+            continue
+        R, places = cv2.Rodrigues(rotation)[0], board.xyz_mm
+        if seen:
+            rays, origin = np.column_stack([tangents, np.ones(len(tangents))]) @ R, R.T @ shift.ravel()
+            places = np.full_like(places, np.nan)
+            places[own] = (nominal[:, 2:] + origin[2]) / rays[:, 2:] * rays - origin
+        names.append(t.capture)
+        z.append(z_mm[t.capture])
+        xyz.append((places @ R.T + shift.ravel()) * (1.0, -1.0, -1.0))
     stacked = np.reshape(np.array(xyz), (len(names), len(board.row), 3))
     return Plates(tuple(names), np.array(z), board.xyz_mm, stacked, stacked[None][:0], {})
 

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import cached_property
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -270,14 +270,18 @@ def lengths_of(
 
     `scale` is a bar on that very board.
     """
-    from core.checks import length_concerns, pose_plates
+    from core.checks import length_concerns, misplaced_on_plate, pose_plates
 
     boards = [c for c in plates if c.testfield is not None and c.name in targets]
     if not boards or boards[0].testfield is None:
         return []
     z_mm = {c.name: c.z_mm for c in boards if c.z_mm is not None}
-    seen = pose_plates(spec, interior, [targets[name] for name in z_mm], z_mm, boards[0].testfield)
-    return length_concerns(None, boards[0].testfield, scale, seen, False)
+    board = boards[0].testfield
+    posed = partial(pose_plates, spec, interior, [targets[name] for name in z_mm], z_mm, board)
+    return [
+        *misplaced_on_plate(board, posed(seen=True)),  # which may be why a plate seems to stand elsewhere
+        *length_concerns(None, board, scale, posed(), False),
+    ]
 
 
 def _plates(

@@ -171,7 +171,7 @@ def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
     of_plates = [c for c in lengths if c.about != "board"]
     plates, board = evidence.plates
     if plates is not None and board is not None and not evidence.same_board:
-        of_plates += misplaced_on_plate(board, plates)
+        of_plates = [*misplaced_on_plate(board, plates), *of_plates]
     if not of_plates and isinstance(known, PhotogrammetricCalibration) and known.camera_name == camera:
         of_plates = placed_concerns(depth, plates)  # in that camera's frame
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)

@@ -26,12 +26,13 @@ from core.checks import (
     misplaced_on_plate,
     nominal_concerns,
     placed_concerns,
+    pose_plates,
     repeated_targets,
     see_plates,
 )
 from core.checks.plates import Plates
 from core.errors import StripeError
-from core.geometry import Pose, pair_of
+from core.geometry import Pose, nominal, pair_of
 from core.model import (
     Concern,
     DepthCalibration,
@@ -447,3 +448,18 @@ def test_the_wrong_one_of_bar_board_and_positions_is_named_without_a_calibration
 
 def test_the_simulator_turns_as_it_says() -> None:
     assert np.allclose(turn("z", 90) @ [1, 0, 0], [0, 1, 0])
+
+
+@pytest.mark.parametrize("name", list(RIGS))
+def test_a_column_is_found_elsewhere_by_the_camera_alone(name: str, projects: dict[str, Project]) -> None:
+    """Of a depth calibration alone no projector is known; a lens of unknown distortion moves no column alone."""
+    p = projects[name]
+    spec = p.rig.cameras["camera"]
+
+    def told(plate: Testfield) -> list[str]:
+        seen = pose_plates(spec, nominal(spec), p.plates, p.z_mm, plate, seen=True)
+        return [concern.text for concern in misplaced_on_plate(plate, seen)]
+
+    assert not told(p.plate)
+    (text,) = told(shifted_column(p.plate, 2, 1.5))
+    assert re.match(r"the plate's testfield file: column 2 is seen 1\.[3-7] mm from", text)
