@@ -18,7 +18,7 @@ from core.calibrate.normals import solve_factor
 from core.calibrate.problem import RELATIVE, Problem, problem_of
 from core.calibrate.state import State
 from core.calibrate.weakness import effects
-from core.geometry import lens_of
+from core.geometry import estimated, lens_of
 from core.lazy import dataclass
 from core.model import Array, Concern, Network
 from core.numerics import fisher_limit
@@ -83,25 +83,33 @@ def held_concerns(network: Network, problem: Problem, state: State, cost: float)
     ]
 
 
-def _held(network: Network, problem: Problem, state: State) -> _Held | None:
-    """Free what is held of the interior orientations; None where nothing is."""
+def freed(network: Network) -> Network | None:
+    """Estimate all that is held of the interior orientations; None where nothing is."""
     devices = {
         name: replace(device, spec=replace(device.spec, interior_sigma=()), estimate=lens_of(device.spec).usual)
         for name, device in network.devices.items()
     }
-    columns = problem_of(replace(network, devices=devices)).columns
+    held = any(set(devices[name].estimate or ()) - {*estimated(device)} for name, device in network.devices.items())
+    return replace(network, devices=devices) if held else None
+
+
+def _held(network: Network, problem: Problem, state: State) -> _Held | None:
+    """Free what is held of the interior orientations; None where nothing is."""
+    if (free := freed(network)) is None:
+        return None
+    columns = problem_of(free).columns
     new = (columns >= 0) & (problem.columns < 0)
     if not new.any():
         return None
-    freed = replace(problem, columns=columns)
-    equations, places = linearise(freed, state), columns[new]
-    shares, names, _ = effects(freed, equations)
+    whole = replace(problem, columns=columns)
+    equations, places = linearise(whole, state), columns[new]
+    shares, names, _ = effects(whole, equations)
     telling = TELLING / np.where(shares[places] > 0, shares[places], 1.0)  # 0: no image tells anything of it
     # known a little, so that what no image tells leaves the system regular
     known, weight, of_interior = problem.interior_known.copy(), problem.interior_weight.copy(), new[:, RELATIVE:]
     known[of_interior], weight[of_interior] = state.interior[of_interior], telling**-2.0
-    freed = replace(freed, interior_known=known, interior_weight=weight)
-    reduced = reduce(freed, state)
+    whole = replace(whole, interior_known=known, interior_weight=weight)
+    reduced = reduce(whole, state)
     unit = np.zeros((len(reduced.right), len(places)))
     unit[places, range(len(places))] = 1.0
     inverse = np.linalg.inv(np.array([solve_factor(reduced.factor, column)[places] for column in unit.T]))

@@ -9,6 +9,7 @@ import numpy as np
 
 from core.algebra import on_own_threads
 from core.calibrate.adjust import explained, solve_network
+from core.calibrate.held import freed
 from core.calibrate.network import network_from_targets
 from core.calibrate.parted import parted
 from core.calibrate.rigid import mean_relative_poses, rigidity_of
@@ -148,6 +149,8 @@ def _solved_or_parted(
     """Adjust; where that fails or fits badly, say whether something changed between the captures."""
 
     def told() -> str:
+        if (free := freed(network)) is not None and explained(free, options):  # what is held is wrong, no capture
+            return ""
         rigid = replace(network, station_pose=tuple(groups[name] for name in network.station_names))
         return parted(rigid, lambda part: explained(part, options))
 
