@@ -35,7 +35,7 @@ KEPT = (".png", ".tif", ".tiff")  # these are copied byte by byte, if they are g
 ORDERS = ("name", "list", "content")
 COLOURED = 5  # frames whose channels are looked at
 
-Decoded = Callable[[Sequence[Pattern], Sequence[Image], tuple[int, int]], PhaseMap]
+Decoded = Callable[[Sequence[Frame], Sequence[Image], tuple[int, int]], PhaseMap]
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ def import_frames(
         "content": what each shows is found from the images. Without it "list" where the sequence names files, else
         "name".
     decoded : callable, optional
-        Decodes images by their patterns and the projector's columns and rows: the checks see more then, and an order
-        found by content is taken only if it is the only one.
+        Decodes images by what is known of their frames and the projector's columns and rows: the checks see more then,
+        and an order found by content is taken only if it is the only one.
 
     Raises
     ------
@@ -91,6 +91,10 @@ def import_frames(
     spec = sequence or sequence_beside(folder, project)
     by = order or ("list" if spec.files else "name")
     parts = _by_devices(project, subject, spec, by)
+    exposed = {ms for ms in spec.exposures_ms if ms is not None}
+    if by == "content" and len(exposed) > 1:
+        seen = f"the list gives frames {len(exposed)} exposures, which no image shows"
+        raise InputError("--order content", seen, "order the files by name, or by the list")
     lines = _lines(project, parts[0][0])
     patterns = spec.patterns(lines)
     plans = [make_plan(project, whose, [patterns[k] for k in own or range(len(patterns))]) for whose, own in parts]
@@ -102,8 +106,11 @@ def import_frames(
     _check_count(folder, files, spec, patterns, lines)
     series = []
     steps = progress.part(0.0, 0.9).parts(len(plans))
-    for plan, (whose, own), part in zip(plans, parts, steps, strict=True):
-        series.append(_read(project, plan, whose, [files[k] for k in own or range(len(files))], by, decoded, part))
+    for plan, (_, own), part in zip(plans, parts, steps, strict=True):
+        numbers = own or range(len(files))
+        exposures = [spec.exposures_ms[k] for k in numbers] if spec.exposures_ms else [None] * len(numbers)
+        frames = [Frame("", p, exposure_ms=ms) for p, ms in zip(plan.patterns, exposures, strict=True)]
+        series.append(_read(project, plan, frames, [files[k] for k in numbers], by, decoded, part))
     progress.check()
     converted, name = _write(target, series, str(folder.resolve())), f"captures/{subject.name}"
     try:
@@ -127,6 +134,7 @@ class _Series:
     """The frames of one camera under one projector."""
 
     plan: Plan
+    frames: Sequence[Frame]
     files: Sequence[Path]
     images: Sequence[Image]
     words: Sequence[str]
@@ -169,14 +177,15 @@ def _lines(project: Project, subject: Subject) -> tuple[int, int]:
 def _read(
     project: Project,
     plan: Plan,
-    subject: Subject,
+    frames: Sequence[Frame],
     files: list[Path],
     by: str,
     decoded: Decoded | None,
     progress: Progress,
 ) -> _Series:
     """Read the frames of a series and see whether they are what they should be."""
-    lines, patterns, words = _lines(project, subject), plan.patterns, []
+    subject, patterns, words = plan.subject, plan.patterns, []
+    lines = _lines(project, subject)
     images = [image for path in progress.part(0.0, 0.4).over(files, "reading frame {}") for image in [read_image(path)]]
     _check_images(files, images, project.rig.cameras.get(subject.camera, project.camera))
     if by == "content":
@@ -186,7 +195,7 @@ def _read(
         files, images = [files[k] for k in found], [images[k] for k in found]
     phase = None
     try:
-        phase = decoded(patterns, images, lines) if decoded is not None else None
+        phase = decoded(frames, images, lines) if decoded is not None else None
     except InputError as error:
         if by == "content":
             raise
@@ -195,13 +204,13 @@ def _read(
         words += prove(patterns, phase, lines, str(files[0].parent))
     _check_twice(files, images, patterns, lines)
     progress(0.7, "verifying")
-    findings = (*_verified(plan, images, lines, phase), *_dead_colours(files))
+    findings = (*_verified(plan, frames, images, lines, phase), *_dead_colours(files))
     for finding in findings:
         named = f" [{', '.join(files[k].name for k in finding.shots)}]" if 0 < len(finding.shots) <= 3 else ""
         disordered = finding.level == "bad" and (finding.check == "order" or "contradicting" in finding.figures)
         hint = "; see whether --order content finds another order" if disordered else ""
         words.append(f"{finding.text}{named}{hint}")
-    return _Series(plan, files, images, words, findings)
+    return _Series(plan, frames, files, images, words, findings)
 
 
 def frames_in(folder: Path) -> list[Path]:
@@ -228,7 +237,9 @@ def sequence_of(project: Project) -> SequenceSpec:
         return project.sequence
     for path in reversed(project.captures):
         try:
-            return SequenceSpec(listed=tuple(frame.pattern for frame in read_capture(path, project).series[0].frames))
+            frames = read_capture(path, project).series[0].frames
+            exposures = tuple(frame.exposure_ms for frame in frames)
+            return SequenceSpec(listed=tuple(frame.pattern for frame in frames), exposures_ms=exposures)
         except InputError:
             continue
     seen = "gives no sequence, and there is no capture to take it from"
@@ -298,7 +309,7 @@ def _check_twice(
 
 
 def _verified(
-    plan: Plan, images: Sequence[Image], lines: tuple[int, int], phase: PhaseMap | None
+    plan: Plan, frames: Sequence[Frame], images: Sequence[Image], lines: tuple[int, int], phase: PhaseMap | None
 ) -> tuple[Finding, ...]:
     """Give what the checks of stored captures find, and light and sharpness of the stripes."""
     shape = images[0].shape
@@ -307,11 +318,13 @@ def _verified(
     grey = np.array([image[at[0], at[1]] for image in images], np.float64)
     sampled = summarise(bare, grey, at, (shape[0], shape[1]), 255 if images[0].itemsize == 1 else int(grey.max()))
     sampled = replace(sampled, noise=max(sampled.noise, noise_of_one(max(images, key=np.mean)[::4].astype(np.float64))))
-    capture = Capture(Path(plan.subject.name), plan.subject.role, tuple(Frame("", p) for p in plan.patterns))
+    capture = Capture(Path(plan.subject.name), plan.subject.role, tuple(frames))
     findings = check_stored(capture, images, phase, lines)
     told = {"light": "modulation"}.get
     checks = {told(f.check, f.check) for f in findings}
     light = [f for f in (modulation(bare, sampled), saturation(sampled)) if f.check not in checks]
+    if len({frame.exposure_ms for frame in frames}) > 1:  # what one saturates another sees
+        light = []
     if not any(f.level == "bad" for f in (*findings, *light)):
         findings.append(Finding("order", "good", "the patterns come in their order"))
     findings += light
@@ -323,7 +336,7 @@ def _write(target: Path, series: Sequence[_Series], source: str) -> int:
     sweep(target.parent)
     part = target.with_name(f"{part_prefix(target.name)}part")
     entries: list[tuple[str, Pattern]] = []
-    more: list[Mapping[str, str]] = []
+    more: list[Mapping[str, str | float]] = []
     converted = 0
     frames = [frame for one in series for frame in zip(one.files, one.images, one.plan.patterns, strict=True)]
     try:
@@ -338,7 +351,8 @@ def _write(target: Path, series: Sequence[_Series], source: str) -> int:
                 converted += 1
             entries.append((entry, pattern))
         for one in series:
-            more += [one.plan.devices] * len(one.files)
+            exposures = [{} if f.exposure_ms is None else {"exposure_ms": f.exposure_ms} for f in one.frames]
+            more += [{**one.plan.devices, **exposure} for exposure in exposures]
         extra = {"imported": {"from": source, "files": [path.name for path, *_ in frames]}}
         write_capture_json(part, series[0].plan.subject, entries, extra=extra, more=more if any(more) else None)
         part.rename(target)

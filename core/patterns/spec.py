@@ -32,6 +32,7 @@ class SequenceSpec:
     files: tuple[str, ...] = ()  #: the frames' names where a capture.json was read that gives them
     #: whose these frames are, camera and projector; empty where it does not say
     devices: tuple[tuple[str, str], ...] = ()
+    exposures_ms: tuple[float | None, ...] = ()  #: of these frames; empty where nothing was read of them
 
     def patterns(self, lines: Size, where: str = "sequence") -> tuple[Pattern, ...]:
         """Give the patterns for a projector of so many columns and rows; a list made for another size is an InputError.
@@ -176,7 +177,8 @@ def read_sequence_file(path: Path) -> SequenceSpec:
         if not listed:
             raise InputError(path, "lists no frames", "give a capture.json with frames")
         devices = tuple((e.text("camera", default=""), e.text("projector", default="")) for e in entries)
-        return SequenceSpec(listed=listed, files=names if len(names) == len(listed) else (), devices=devices)
+        exposures = tuple(e.real("exposure_ms", above=0.0, default=None) for e in entries)
+        return SequenceSpec(None, {}, listed, names if len(names) == len(listed) else (), devices, exposures)
     if isinstance(data, dict) and "sequence" in data:
         return read_sequence(data["sequence"], f"{path}: sequence")
     return read_sequence(data, str(path))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from core.atomic import undone_on_failure
 from core.errors import InputError, choose_among
 from core.lazy import dataclass
-from core.model import DeviceSpec, PhaseMap, Project, Subject
+from core.model import DeviceSpec, Frame, PhaseMap, Project, Subject
 from core.patterns import Pattern, SequenceSpec, default_sequence, pattern_image
 from core.progress import SILENT, Progress
 from core.project import read_project, write_image
@@ -126,10 +126,11 @@ def import_into(
     """Make a capture of a project from frames that came from elsewhere, as `core.capture.importing.import_frames`."""
     from core.capture.importing import import_frames
 
-    def decoded(patterns: Sequence[Pattern], images: Sequence[Image], lines: tuple[int, int]) -> PhaseMap:
+    def decoded(shown: Sequence[Frame], images: Sequence[Image], lines: tuple[int, int]) -> PhaseMap:
         from core.decode import decode
 
-        return decode(patterns, images, lines=lines, where=str(frames))
+        patterns, exposures = [frame.pattern for frame in shown], [frame.exposure_ms for frame in shown]
+        return decode(patterns, images, lines=lines, exposures_ms=exposures, where=str(frames))
 
     return import_frames(
         read_project(folder), frames, subject, sequence=sequence, order=order, decoded=decoded, progress=progress

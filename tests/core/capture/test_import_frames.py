@@ -35,11 +35,16 @@ SIZE = (64, 48)  # of the projector
 CAMERA = (120, 90)
 
 
-def frame(pattern, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """A scene of its own: a board askew with a bump and patches of albedo, lines blurred, noise of one grey value."""
+def places() -> tuple[NDArray, ...]:
+    """Projector coordinates of the scene, and those of the camera."""
     y, x = np.mgrid[0 : CAMERA[1], 0 : CAMERA[0]].astype(float)
     bump = 2.5 * np.exp(-(((x - 70) / 18) ** 2) - ((y - 40) / 15) ** 2)
-    u, v = 1.0 + 0.5 * x + 0.02 * y + bump, 1.5 + 0.49 * y - 0.01 * x
+    return 1.0 + 0.5 * x + 0.02 * y + bump, 1.5 + 0.49 * y - 0.01 * x, x, y
+
+
+def frame(pattern, rng: np.random.Generator, gain: float = 1.0) -> NDArray[np.uint8]:
+    """A scene of its own: a board askew with a bump and patches of albedo, lines blurred, noise of one grey value."""
+    u, v, x, y = places()
     axis = axis_of(pattern) or "x"
     count, place = (SIZE[0], u) if axis == "x" else (SIZE[1], v)
     fine = np.repeat(brightness(pattern, np.arange(count)), 16)
@@ -47,7 +52,7 @@ def frame(pattern, rng: np.random.Generator) -> NDArray[np.uint8]:
     soft = np.convolve(np.pad(fine, 32, mode="edge"), kernel / kernel.sum(), mode="valid")
     light = np.interp(place, (np.arange(len(fine)) + 0.5) / 16 - 0.5, soft)
     albedo = 0.6 + 0.4 * ((x // 20 + y // 15) % 2)
-    return np.uint8(np.clip(np.rint(12 + 150 * albedo * light + rng.normal(size=x.shape)), 0, 255))
+    return np.uint8(np.clip(np.rint(12 + gain * 150 * albedo * light + rng.normal(size=x.shape)), 0, 255))
 
 
 @pytest.fixture
@@ -125,6 +130,31 @@ def test_a_list_names_the_frames(project: Path, tmp_path: Path) -> None:
     assert report.order == "list"
     assert shown(project, "l") == patterns[::-1]
     assert len(report.files) == len(patterns)
+
+
+def test_exposures_of_a_list_are_kept_and_joined(project: Path, tmp_path: Path, capsys) -> None:
+    """They were dropped: frames of one pattern contradicted each other, and nothing decoded."""
+    rng, gains, frames = np.random.default_rng(5), {4.0: 0.6, 16.0: 2.4}, []
+    (tmp_path / "in").mkdir()
+    for pattern in parse_sequence("gray-sine").patterns(SIZE):
+        for ms, gain in gains.items():  # the longer one saturates the white patches
+            name = f"{len(frames):03d}.png"
+            cv2.imwrite(str(tmp_path / "in" / name), frame(pattern, rng, gain))
+            frames.append({"file": name, "exposure_ms": ms, "pattern": pattern_to_dict(pattern)})
+    listed = {"format": "stripe-capture", "version": 2, "role": "object", "frames": frames}
+    (tmp_path / "in" / "capture.json").write_text(json.dumps(listed))
+    assert main(command(project, tmp_path)) == 0
+    told = capsys.readouterr().out
+    assert "the patterns come in their order" in told
+    assert "decode" not in told
+    assert [f.exposure_ms for f in read_capture(project / "captures" / "a").frames] == len(frames) // 2 * [4.0, 16.0]
+    assert main(["decode", str(project / "captures" / "a"), "--out", str(tmp_path / "a.npz")]) == 0
+    with np.load(tmp_path / "a.npz") as found:
+        error = (found["u"] - places()[0]) / found["sigma_u"]
+    assert np.isfinite(error).mean() > 0.95
+    assert 0.6 < np.sqrt(np.nanmean(error**2)) < 1.4
+    assert main([*command(project, tmp_path)[:3], "b", "--role", "object", "--order", "content"]) == 2
+    assert "the list gives frames 2 exposures" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("dead", "told"), [((2,), "red is 0 in every pixel"), ((), ""), ((0, 1), "")])
