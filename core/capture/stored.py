@@ -97,9 +97,8 @@ def check_stored(
         found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
         checks = {f.check for f in found}
         if "light" not in checks:
-            doubled = [] if "saturation" in checks else _doubled(plan, images, sampled.noise)
-            told = doubled or _contradictions(plan, sampled, lines, SHARE * (1 + ("saturation" in checks)))
-            found += edited(told, images)
+            most = SHARE * (1 + ("saturation" in checks))
+            found += edited(_doubled(plan, images, sampled) or _contradictions(plan, sampled, lines, most), images)
         found += _halves(plan, images)
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
@@ -246,8 +245,11 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
     return found
 
 
-def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Finding]:
-    """Find steps that differ by hardly more than noise, where others of their period differ as their shifts say."""
+def _doubled(plan: Plan, images: Sequence[NDArray], sampled: Sampled) -> list[Finding]:
+    """Find steps that differ by hardly more than noise, where others of their period differ as their shifts say.
+
+    Where one is saturated its neighbour may be, too, and they are alike.
+    """
     # a grid may beat with the lines
     row, column = (scattered(n, THIN, factor) for n, factor in zip(images[0].shape, IRRATIONAL, strict=True))
     at = row * images[0].shape[1] + column
@@ -259,7 +261,8 @@ def _doubled(plan: Plan, images: Sequence[NDArray], noise: float) -> list[Findin
         shifts = np.array([p.shift_rad for k in own if isinstance(p := plan.shots[k], Phase)])
         grey = np.array([images[k].ravel()[at] for k in own], np.float64)
         swing = np.ptp(grey, axis=0)
-        grey = grey[:, swing > max(BRIGHT * quantile_of(swing, 0.97), 5 * noise)]
+        striped = swing > max(BRIGHT * quantile_of(swing, 0.97), 5 * sampled.noise)
+        grey = grey[:, striped & (grey.max(axis=0) < sampled.full)]
         wave = np.array([1, 1j]) @ (np.stack([np.cos(shifts), np.sin(shifts)]) @ (grey - grey.mean(axis=0)))
         if grey.shape[1] < LEAST_LIT or abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
             continue  # less than a period is seen
