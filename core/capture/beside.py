@@ -35,6 +35,7 @@ PIXELS = 500  # on which periods are tried
 CHANCE = 0.25  # of the way from one place to the next: how far chance is from the nearer, in the median
 UNLIKE, LEFT = 0.5, 0.35  # of what chance leaves, where phases belong to no line; of that, and in turns, if right
 MOST_SLOPE = 0.05  # by which a period may be off
+PLAIN = 3.0  # times what is left, that phases run apart; indirect light gave 1.0, a period 2 % off 5
 FROM_0 = 0.3  # of the change, that it may be off where line 0 would be: other periods agree there
 
 
@@ -173,11 +174,11 @@ def _of_periods(
     steps: Mapping[float, Sequence[int]],
     count: int,
 ) -> str:
-    """Compare the finest period with the next one of which the field has some cycles."""
-    finest, *longer = steps
-    if not longer or count < CYCLES * longer[0]:
+    """Compare the finest period with the next one."""
+    if len(steps) < 2:
         return ""
-    other = longer[0]
+    finest, other = list(steps)[:2]
+    few = count < CYCLES * other
     thin = tuple(slice(None, None, -(-n // (4 * SECTIONS))) for n in lines.shape)
     (turn, strong), (beside, _) = (
         _turns(patterns, [images[k][thin] for k in steps[p]], steps[p]) for p in steps if p <= other
@@ -189,7 +190,7 @@ def _of_periods(
             f"{finest / (1 + slope):.5g} lines, not {finest:g}, or of {other * (1 + slope):.5g}, not {other:g}"
         )
 
-    if (slope := _unlike(finest, turn[strong], other, beside[strong], count)) is not None:
+    if not few and (slope := _unlike(finest, turn[strong], other, beside[strong], count)) is not None:
         return told("agree on no line", slope)
     u = np.asarray(lines[thin], np.float64)
     valid = np.isfinite(u)
@@ -197,6 +198,11 @@ def _of_periods(
         return ""
     u = u[valid]
     places = [p * (t + np.round((u + 0.5) / p - t)) for p, t in ((finest, turn[valid]), (other, beside[valid]))]
+    if few:
+        part, middle = _medians(np.floor(places[0] / finest).astype(np.int64), places[0] - places[1], finest)
+        slope = _from_0(np.asarray((part + 0.5) * finest, np.float64), middle, 2 * pi * len(steps[other]) / other)
+        bent = f"; or light by a second way bends those of period {other:g}"
+        return told(f"run apart, by {abs(slope) * count:.2g} lines over the field", slope) + bent if slope else ""
     length = max(finest, other / len(steps[other]))  # of which the errors by a response are a whole part
     part = np.floor((u + 0.5) / length).astype(np.int64)
     own = (part > part.min()) & (part < part.max())  # whole ones
@@ -205,6 +211,21 @@ def _of_periods(
     if found is None or not found.away:
         return ""
     return told(f"run apart, by {abs(found.away):.2f} lines over the field", found.slope)
+
+
+def _from_0(place: Array, off: Array, wave: float) -> float:
+    """Slope of what grows from line 0 beside an error that repeats, at so many rad a line, as a response makes it.
+
+    Indirect light bends the phases of a long period, too; but neither evenly nor from line 0. What is not plain is 0.
+    """
+    if len(place) < LEAST:
+        return 0.0
+    A = np.stack([place, np.cos(wave * place), np.sin(wave * place)], axis=1)
+    found = np.linalg.lstsq(A, off, rcond=None)[0]
+    rest = float(np.sqrt(np.sum((off - A @ found) ** 2) / (len(place) - A.shape[1])))
+    slope, sigma = float(found[0]), rest * float(np.linalg.inv(A.T @ A)[0, 0]) ** 0.5
+    plain = abs(slope) > SIGMAS * sigma and abs(slope) * np.sqrt(np.mean(place**2)) > PLAIN * max(rest, AWAY)
+    return slope if plain else 0.0
 
 
 def _turns(

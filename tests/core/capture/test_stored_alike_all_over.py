@@ -66,6 +66,8 @@ def test_phase_steps_half_a_line_off_are_named(
         (shown(2, 4.0, 4, "square"), 4.0, 0.997, 1.0),
         (without_code(160.0, 32.0, 6.4), 6.4, 1.003, 2.0),
         (without_code(16.0, 160 / 9), 16.0, 0.997, 1.0),
+        (without_code(160.0, 10.0), 10.0, 0.99, 1.0),  # the longer one has a single cycle
+        (without_code(160.0, 10.0), 10.0, 1.01, 1.5),
     ],
 )
 def test_a_finest_period_that_is_off_is_told_by_code_or_other_periods(
@@ -93,7 +95,7 @@ def test_a_period_that_leaves_few_pixels_a_line_is_told(periods: tuple, wrong: i
     assert np.allclose([float(each[wrong]) for each in fits], periods[wrong], rtol=6e-4), found
 
 
-@pytest.mark.parametrize(("periods", "count"), [((25.0, 26.0), 640), ((18.0, 160.0), 640)])
+@pytest.mark.parametrize(("periods", "count"), [((25.0, 26.0), 640), ((18.0, 160.0), 640), ((40.0, 640.0), 640)])
 @pytest.mark.parametrize(("steps", "gamma", "noise"), [(4, 1.0, 6.0), (3, 2.4, 1.0)])
 def test_noise_and_a_response_that_hide_the_line_accuse_no_period(periods, count, steps, gamma, noise) -> None:
     """A part of the field is seen, whose phases tell places one or two lines apart: other periods would fit that."""
@@ -103,6 +105,20 @@ def test_noise_and_a_response_that_hide_the_line_accuse_no_period(periods, count
     waves = [0.5 + 0.5 * np.cos(2 * np.pi * (lines + 0.5) / p.period - p.shift_rad) for p in patterns]
     images = [np.clip(np.round(10 + 150 * w**gamma + rng.normal(0, noise, u.shape)), 0, 255) for w in waves]
     assert beside_code(patterns, images, [("x", lines, "columns")], (count, count)) == []
+
+
+@pytest.mark.parametrize("way", [-0.3, -0.1, 0.2])
+@pytest.mark.parametrize("from_px", [80, -60])
+def test_light_by_a_second_way_accuses_no_period(way: float, from_px: float) -> None:
+    """It moves the phases of the longest period by up to 14 of 640 lines, nearly in proportion to the line."""
+    v, u = np.mgrid[:120, :160]
+    lines = 640 * (0.05 + u / 180) + 3 * np.sin(v / 30)
+    patterns = [p for p in without_code(40.0, 640.0) if p.axis == "x"]
+    waves = [0.5 + 0.5 * np.cos(2 * np.pi * (lines + 0.5) / p.period - p.shift_rad) for p in patterns]
+    other = [0.5 + 0.5 * np.cos(2 * np.pi * (lines * (1 + way) + from_px) / p.period - p.shift_rad) for p in patterns]
+    broad = [cv2.GaussianBlur(w, (0, 0), 12) for w in other]  # a diffuse surface spreads it
+    images = [np.round(10 + 150 * w + 22 * o) for w, o in zip(waves, broad, strict=True)]
+    assert beside_code(patterns, images, [("x", lines, "columns")], (640, 640)) == []
 
 
 def reordered(patterns: list[Pattern], images: Frames) -> Frames:
