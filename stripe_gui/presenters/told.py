@@ -52,16 +52,23 @@ def told(text: str) -> str:
     if not _patterns or not said:
         return text
     before, _, after = text.partition(said)
-    for fragment, pattern, translation in _patterns:
-        if fragment in said and (found := pattern.fullmatch(said)):
-            return f"{before}{translation.format(*map(told, found.groups()))}{after}"
+    if (known := _known(said)) is not None:
+        return f"{before}{known}{after}"
     name, colon, _ = said.partition(": ")
     first_of_all = (": ",) if colon and len(name.split()) <= NAMES and PAUSES[0] not in name else ()
     for pause in (*first_of_all, *PAUSES):
-        first, found_pause, rest = said.partition(pause)
-        if found_pause:
-            return f"{before}{told(first)}{pause}{told(rest)}{after}"
+        if ends := [found.start() for found in re.finditer(re.escape(pause), said)]:
+            end = next((end for end in ends if _known(said[:end]) is not None), ends[0])
+            return f"{before}{told(said[:end])}{pause}{told(said[end + len(pause) :])}{after}"
     return f"{told(text[:-1])})" if text.endswith(")") else text
+
+
+def _known(said: str) -> str | None:
+    """Give the translation of what is one sentence of the table; None if it is not."""
+    for fragment, pattern, translation in _patterns:
+        if fragment in said and (found := pattern.fullmatch(said)):
+            return translation.format(*map(told, found.groups()))
+    return None
 
 
 def sentence(text: str) -> str:

@@ -206,3 +206,15 @@ def test_placeholders_are_the_same_on_both_sides() -> None:
 
 def test_english_stays_as_it_is() -> None:
     assert told("not decoded yet") == "not decoded yet"
+
+
+def test_sentences_that_the_core_puts_together_are_all_told(german: None) -> None:
+    """They stood half in English: a colon within came before the one between them."""
+    text = (
+        "frames across columns: the phase runs away from the code, by 0.53 lines over the field: they fit with a "
+        "period of 7.96 lines, not 8; or what is seen moved between them"
+    )
+    assert told(text) == (
+        "Bilder quer zu Spalten: die Phase läuft dem Code davon, um 0.53 Linien über das Feld: sie passen mit einer "
+        "Periode von 7.96 Linien, nicht 8; oder das Gesehene bewegte sich dazwischen"
+    )
