@@ -16,7 +16,7 @@ from core.model import AdjustedDevice, Array, DeviceSpec, Interior, Photogrammet
 
 DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
 VALUES = ("fx", "fy", "cx", "cy", *DISTORTION)
-LIMIT_PX = 0.1  # r.m.s. that a fit may leave: what centroids of targets are measured to at worst
+LIMIT_PX = 1.0  # r.m.s. that a fit may leave
 SAME_PX = 0.005  # r.m.s. below which our own lens model says the same
 FLIP = np.diag([1.0, -1.0, -1.0])
 MODEL = "brown"
@@ -179,7 +179,7 @@ def fit_device(name: str, spec: DeviceSpec, interior: Interior, free: Sequence[s
         raise InputError(
             f"{name} of the calibration",
             f"with {', '.join(free) or 'no distortion'} alone it is off by {rms:.3g} px r.m.s., more than {LIMIT_PX:g}",
-            "choose a format with more distortion parameters, such as opencv",
+            "choose a format with more distortion parameters, or calibrate with fewer (--hold): these know no shear",
         )
     *k, b1 = found.a
     fx, fy = found.c_mm * (1 + b1) / spec.pitch_mm[0], found.c_mm / spec.pitch_mm[1]

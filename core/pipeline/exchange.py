@@ -23,6 +23,8 @@ from core.pipeline.runs import Run, keep_run, now
 if TYPE_CHECKING:
     from core.exchange import Format
 
+WORSE_PX = 0.1  # r.m.s. that another program's model leaves: centroids of targets are measured to that at worst
+
 
 def export_calibration(
     project: Project, name: str, path: Path, camera: str = "", projector: str = "", cameras: Sequence[str] = ()

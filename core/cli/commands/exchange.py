@@ -52,7 +52,7 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
     from core.cli.console import print_verdict
     from core.figures import verdict_figures
     from core.pipeline.calibrate import photogrammetric_calibration
-    from core.pipeline.exchange import export_calibration
+    from core.pipeline.exchange import WORSE_PX, export_calibration
 
     files, residuals = export_calibration(
         options.project, options.to, options.out, **_named(options, "camera", "projector")
@@ -60,7 +60,8 @@ def _export(options: Options, progress: Progress) -> dict[str, Any]:
     for file in files:
         print(file)
     for name, rms in residuals.items():
-        print(f"{name}: the fit leaves {rms:.4f} px r.m.s.")
+        worse = f", more than targets are measured to: {options.to} has no parameter for it" if rms > WORSE_PX else ""
+        print(f"{name}: the fit leaves {rms:.4f} px r.m.s.{worse}")
     if "projector" in residuals:
         _tell_devices(options)
     verdict = verdict_figures(photogrammetric_calibration(options.project).verdict)
