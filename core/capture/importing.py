@@ -239,6 +239,7 @@ def sequence_of(project: Project) -> SequenceSpec:
         try:
             frames = read_capture(path, project).series[0].frames
             exposures = tuple(frame.exposure_ms for frame in frames)
+            exposures = exposures if len({*exposures}) > 1 else ()  # a single one is that capture's own
             return SequenceSpec(listed=tuple(frame.pattern for frame in frames), exposures_ms=exposures)
         except InputError:
             continue
@@ -322,9 +323,9 @@ def _verified(
     findings = check_stored(capture, images, phase, lines)
     told = {"light": "modulation"}.get
     checks = {told(f.check, f.check) for f in findings}
-    light = [f for f in (modulation(bare, sampled), saturation(sampled)) if f.check not in checks]
-    if len({frame.exposure_ms for frame in frames}) > 1:  # what one saturates another sees
-        light = []
+    several = len({frame.exposure_ms for frame in frames}) > 1  # what one saturates another sees
+    seen = () if several else (modulation(bare, sampled), saturation(sampled))
+    light = [f for f in seen if f.check not in checks]
     if not any(f.level == "bad" for f in (*findings, *light)):
         findings.append(Finding("order", "good", "the patterns come in their order"))
     findings += light
