@@ -26,7 +26,7 @@ CODES = 3  # finest frames of the code
 CLEAR = 0.4  # of a frame's usual difference from the mean light, which both sides of an edge have together
 LEAST, FEWEST = 8, 5  # pixels that tell an edge or a cycle, and such edges or cycles that tell something
 SCATTER = 0.25  # of a cell or period, beyond which pixels of one edge or cycle are in doubt
-CYCLES = 2  # of a period that the field must have
+CYCLES = 2  # of the longer period in the field, over which lengths are compared; fewer are taken as they are
 BESIDE, AWAY = 0.25, 0.2  # lines: all over, and over the field; 38 sound captures of 19 rigs have below 0.05
 SIGMAS = 7.0  # of what edges or cycles scatter about a steady change
 STRONG, BRIGHT = 0.5, 0.9  # of the strength of fringes that a quantile of the pixels does not reach
@@ -35,6 +35,7 @@ PIXELS = 500  # on which periods are tried
 CHANCE = 0.25  # of the way from one place to the next: how far chance is from the nearer, in the median
 UNLIKE, LEFT = 0.5, 0.35  # of what chance leaves, where phases belong to no line; of that, and in turns, if right
 MOST_SLOPE = 0.05  # by which a period may be off
+PARTS = 8  # of the field, each a finest period, by which such few cycles are told apart from a response
 PLAIN = 3.0  # times what is left, that phases run apart; indirect light gave 1.0, a period 2 % off 5
 FROM_0 = 0.3  # of the change, that it may be off where line 0 would be: other periods agree there
 
@@ -200,7 +201,8 @@ def _of_periods(
     places = [p * (t + np.round((u + 0.5) / p - t)) for p, t in ((finest, turn[valid]), (other, beside[valid]))]
     if few:
         part, middle = _medians(np.floor(places[0] / finest).astype(np.int64), places[0] - places[1], finest)
-        slope = _from_0(np.asarray((part + 0.5) * finest, np.float64), middle, 2 * pi * len(steps[other]) / other)
+        wave = 2 * pi * len(steps[other]) / other  # of the errors by a response
+        slope = _running_apart(np.asarray((part + 0.5) * finest, np.float64), middle, wave)
         bent = f"; or light by a second way bends those of period {other:g}"
         return told(f"run apart, by {abs(slope) * count:.2g} lines over the field", slope) + bent if slope else ""
     length = max(finest, other / len(steps[other]))  # of which the errors by a response are a whole part
@@ -213,12 +215,12 @@ def _of_periods(
     return told(f"run apart, by {abs(found.away):.2f} lines over the field", found.slope)
 
 
-def _from_0(place: Array, off: Array, wave: float) -> float:
+def _running_apart(place: Array, off: Array, wave: float) -> float:
     """Slope of what grows from line 0 beside an error that repeats, at so many rad a line, as a response makes it.
 
     Indirect light bends the phases of a long period, too; but neither evenly nor from line 0. What is not plain is 0.
     """
-    if len(place) < LEAST:
+    if len(place) < PARTS:
         return 0.0
     A = np.stack([place, np.cos(wave * place), np.sin(wave * place)], axis=1)
     found = np.linalg.lstsq(A, off, rcond=None)[0]

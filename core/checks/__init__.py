@@ -7,7 +7,7 @@ network.py   the bundle adjustment: chi-square test, systematic residuals, gross
 weights.py   ... sigmas of its images, and of both axes, against each other
 given.py     ... a network against what its files give: known points and lengths, units, pixels, stations
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
-boards.py    ... which of a board's targets its file misplaces
+boards.py    ... which targets of a board or plate its file misplaces
 plates.py    ... where the plates stood, seen by camera and projector
 depth.py     ... and where the depth calibration has them
 volume.py    how sure a calibration is over the working volume, and how far two differ in it

@@ -57,9 +57,8 @@ def _end(number: int, frame: FrameType | None) -> None:
     global _ended
     signal.signal(number, signal.SIG_IGN)
     _ended = number
-    sys.unraisablehook = lambda _: (
-        None
-    )  # a finalizer or a hook of fork() may swallow it: no word on that, see `_not_ended`
+    # a finalizer or a hook of fork() may swallow it: no word on that, see `_not_ended`
+    sys.unraisablehook = lambda _: None
     raise KeyboardInterrupt(number)
 
 

@@ -178,7 +178,8 @@ def read_sequence_file(path: Path) -> SequenceSpec:
             raise InputError(path, "lists no frames", "give a capture.json with frames")
         devices = tuple((e.text("camera", default=""), e.text("projector", default="")) for e in entries)
         exposures = tuple(e.real("exposure_ms", above=0.0, default=None) for e in entries)
-        return SequenceSpec(None, {}, listed, names if len(names) == len(listed) else (), devices, exposures)
+        files = names if len(names) == len(listed) else ()
+        return SequenceSpec(listed=listed, files=files, devices=devices, exposures_ms=exposures)
     if isinstance(data, dict) and "sequence" in data:
         return read_sequence(data["sequence"], f"{path}: sequence")
     return read_sequence(data, str(path))
