@@ -27,6 +27,7 @@ from tests.copies import copied, stamps, written_into
 
 cv2.setNumThreads(1)  # small images, and a processor that others share: its threads would spin as well
 gc.set_threshold(20_000)  # as the commands do: among so many objects the search for garbage takes a fiftieth of the run
+os.fsync = lambda fd: None  # what a cut of power leaves is tested by recorded calls; no disk need follow
 
 Make = Callable[[Path], Any]
 GUIDE = Path(__file__).parents[1] / "resources" / "docs" / "extending"
