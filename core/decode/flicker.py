@@ -20,8 +20,8 @@ from core.decode.tables import Array, AxisTable, Fits, Singles
 from core.numerics import distinct, quantile_of, sigma_by_median
 
 ROUNDS = 3
-# of the image in either direction; px of each; px of its parts, in which fringes must change
-PATCHES, PATCH, PART = 8, 96, 24
+# of the image in either direction; px of each; px of its parts, in which fringes must change, wider for wide ones
+PATCHES, PATCH, PARTS = 8, 96, (24, 48, 96)
 STEP, SMALL = 8, 400 * 400  # px of a square of which one pixel is looked at; pixels of an image below which it is half
 COHERENT = 0.5  # mean of exp(i phase) in such a part from which it has less than about half a fringe
 NOTICED = 0.005  # part by which the light of all pixels differs from frame to frame; fringes may do that too
@@ -53,7 +53,7 @@ def steady(
         return tables, None
     step = STEP if images[0].size > SMALL else STEP // 2
     rows, columns = (_places(size, step) for size in images[0].shape)
-    patch, part = (_numbers(len(rows), len(columns), each // step) for each in (PATCH, PART))
+    patch, *parts = (_numbers(len(rows), len(columns), each // step) for each in (PATCH, *PARTS))
     aside = np.random.default_rng(0).integers(0, step, (2, len(rows), len(columns)))  # no fringes are as uneven
     row, column = (
         np.minimum(each, size - 1)
@@ -61,7 +61,7 @@ def steady(
     )
     seen = [np.stack([images[n][row, column].ravel() for n in frames]) for frames, _ in waves]
     found = [
-        _gains(grey.astype(np.float32), solution, patch, part, saturation) if look else None
+        _gains(grey.astype(np.float32), solution, patch, parts, saturation) if look else None
         for grey, (_, solution), look in zip(seen, waves, differs, strict=True)
     ]
     costs = [[cost for _, cost in kinds] for kinds in found if kinds]
@@ -135,7 +135,7 @@ def _lit_by(table: AxisTable, light: Array) -> AxisTable:
 
 
 def _gains(
-    grey: Singles, solution: Array, patch: NDArray[np.intp], part: NDArray[np.intp], saturation: float
+    grey: Singles, solution: Array, patch: NDArray[np.intp], parts: Sequence[NDArray[np.intp]], saturation: float
 ) -> list[tuple[Array, float]] | None:
     """Gains of the frames of one period, by a projector's lamp and by a room's, and the logarithm of the part that each
     leaves unexplained, 0 where it shows nothing; None where too few pixels tell."""
@@ -144,12 +144,16 @@ def _gains(
     amplitude = np.abs(z)
     good = (grey.max(axis=0) < saturation) & (amplitude > DIM * quantile_of(amplitude, 0.9))
     turn = np.where(good, z / np.maximum(amplitude, 1e-6), 0)
-    count = np.maximum(np.bincount(part[good], minlength=part.max() + 1), 1)
-    means = np.hypot(*(np.bincount(part, side, len(count)) for side in (turn.real, turn.imag)))
-    good &= (means < COHERENT * count)[part] & (count > 4)[part]
-    good &= (np.bincount(patch[good], minlength=patch.max() + 1) > SEVERAL)[patch]
-    if good.sum() < FEWEST:
+    for part in parts:
+        count = np.maximum(np.bincount(part[good], minlength=part.max() + 1), 1)
+        means = np.hypot(*(np.bincount(part, side, len(count)) for side in (turn.real, turn.imag)))
+        tell = good & (means < COHERENT * count)[part] & (count > 4)[part]
+        tell &= (np.bincount(patch[tell], minlength=patch.max() + 1) > SEVERAL)[patch]
+        if tell.sum() >= FEWEST:
+            break
+    else:
         return None
+    good = tell
     grey, patch = grey[:, good], patch[good]
     return [_by(grey, solution, patch, room) for room in (False, True)]
 

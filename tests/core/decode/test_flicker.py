@@ -71,6 +71,23 @@ def test_flicker_is_seen_whatever_the_distance_of_fringes(bench, period: float) 
     assert np.sqrt(np.nanmean((phase.u - b.u) ** 2)) < 1.15 * np.nanstd(steady)
 
 
+@pytest.mark.parametrize("period", [60, 100, 140])
+def test_flicker_is_seen_by_wide_fringes(bench, period: float) -> None:
+    """One step a tenth brighter, fringes wider than the parts of the image that usually tell; `period` in px."""
+    patterns = gray_and_phase("x", N, cell=20, periods=[40])
+    y, x = np.mgrid[:480, :640]
+    albedo = 1 + 0.4 * np.sin(x / 9) * np.cos(y / 7)
+    b = bench().__class__(20 + 40 / period * (x + 0.1 * y), 250 + y / 10, ambient=15 * albedo, gain=80 * albedo)
+    images = b.take(patterns)
+    steady = decode(patterns, images, lines=(N, N)).u - b.u
+    bright = max(k for k, pattern in enumerate(patterns) if getattr(pattern, "step", None) == 2)
+    images[bright] = np.rint(images[bright] * 1.1).astype(np.uint8)
+    phase = decode(patterns, images, lines=(N, N))
+    error = phase.u - b.u
+    assert np.sqrt(np.nanmean(error**2)) < 1.1 * np.nanstd(steady)
+    assert 0.85 < np.sqrt(np.nanmean((error / phase.sigma_u) ** 2)) < 1.15
+
+
 @pytest.mark.parametrize("name", SEQUENCES)
 def test_flicker_of_the_room_is_taken_out_of_the_phases(bench, name: str) -> None:
     """By 20 % of a room's light of a fifth of the projector's: 1.2 to 1.9 times the noise of steady light without.
