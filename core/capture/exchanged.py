@@ -2,12 +2,14 @@
 
 From one cell of a Gray code to the next one bit changes. If it stands for another, the coordinate jumps to a far cell
 whose word differs by one bit, all along that line; steps of depth join any words. Steps of square waves may be
-exchanged so that every cell keeps its word: then the coordinate runs backwards in each.
+exchanged so that every cell keeps its word: then the coordinate runs backwards in each. Of many steps, neighbours that
+were exchanged bend the coordinate by little; the wave that the others make tells which.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,11 @@ STEADY = 1.5, 2.5, 4.0
 SURE_LINES = 0.15  # a smaller step in a cell is noise
 LEAST_REACH = 3  # pixels over which a coordinate rises
 PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exchanged steps 0.9
+FEWEST_STEPS = 5  # of a period: fewer leave too little beside the wave
+HARMONICS = (8, 12)  # steps from which a second and a third harmonic are no misfit
+TOLD_APART = 7  # steps from which no other pair makes the same wave, backwards
+# of the misfit, left with two steps in each other's place: sine waves to 0.23, square ones to 0.9, sound ones from 1.1
+LEFT = 0.75
 
 
 def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map, str]]) -> list[Finding]:
@@ -107,3 +114,46 @@ def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
         return 0.0  # as of sound captures, without a look at all pixels
     count = sum(told(*each) for each in seen)
     return against / count if count >= PAIRS else 0.0
+
+
+def exchanged_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -> list[Finding]:
+    """Find two phase steps of a period that make a wave in each other's place only; `grey` (frames, n) is lit."""
+    found = []
+    steps: dict[tuple[Axis, float], dict[int, float]] = {}
+    for k, p in enumerate(patterns):
+        if isinstance(p, Phase):
+            steps.setdefault((p.axis, p.period), {})[k] = p.shift_rad
+    for (axis, _), shifts in steps.items():
+        own = list(shifts)
+        seen = grey[own][:, grey[own].max(axis=0) < saturation]
+        if len(own) < FEWEST_STEPS or seen.shape[1] < PAIRS:
+            continue
+        left, *pair = _likelier(np.array(list(shifts.values())), seen)
+        if left < LEFT:
+            shots = tuple(own[step] for step in pair) if len(own) >= TOLD_APART else ()
+            which = "frames {} and {}".format(*shots) if shots else "two phase steps"
+            along = "columns" if axis == "x" else "rows"
+            text = f"frames across {along} contradict each other: {which} were exchanged"
+            found.append(Finding("identity", "bad", text, {}, shots, names="mistake"))
+    return found
+
+
+def _likelier(shifts: NDArray[np.float64], seen: Map) -> tuple[float, int, int]:
+    """The two steps that fit best in each other's place, and the part of the misfit to waves that is left then.
+
+    It is a trace of the covariance of frames over all pixels, `seen` (frames, n), which exchanges reorder.
+    """
+    orders = range(1, 2 + sum(len(shifts) >= n for n in HARMONICS))
+    waves = np.stack([np.ones_like(shifts), *(turn(h * shifts) for h in orders for turn in (np.cos, np.sin))])
+    beside = np.linalg.svd(waves)[2][np.linalg.matrix_rank(waves, 1e-6) :]
+    seen = seen - seen.mean(axis=0)
+    seen /= np.maximum(np.linalg.norm(seen, axis=0), 1e-9)
+    covariance = seen @ seen.T
+    misfit = []
+    pairs = list(combinations(range(len(shifts)), 2))
+    for i, k in [(0, 0), *pairs]:
+        order = np.arange(len(shifts))
+        order[[i, k]] = order[[k, i]]
+        misfit.append(float(np.sum(beside @ covariance[np.ix_(order, order)] * beside)))
+    best = int(np.argmin(misfit[1:]))
+    return misfit[1 + best] / max(misfit[0], 1e-9), *pairs[best]

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from core.atomic import part_prefix, sweep, unwritable
 from core.capture.plan import Plan, make_plan
@@ -24,7 +25,7 @@ from core.lazy import dataclass
 from core.model import Capture, DeviceSpec, Frame, PhaseMap, Project, Subject
 from core.model.finding import Finding
 from core.numerics import spaced
-from core.patterns import Pattern, SequenceSpec, alike, like, read_sequence_file
+from core.patterns import Pattern, SequenceSpec, alike, axis_of, like, read_sequence_file
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
 from core.project.captures import may_list, write_capture_json
@@ -33,6 +34,7 @@ from core.project.images import Image
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 KEPT = (".png", ".tif", ".tiff")  # these are copied byte by byte, if they are grey
 ORDERS = ("name", "list", "content")
+DECODES = 0.5  # part of the lit pixels: where fewer do, nobody may say that the patterns come in their order
 COLOURED = 5  # frames whose channels are looked at
 
 Decoded = Callable[[Sequence[Frame], Sequence[Image], tuple[int, int]], PhaseMap]
@@ -326,10 +328,19 @@ def _verified(
     several = len({frame.exposure_ms for frame in frames}) > 1  # what one saturates another sees
     seen = () if several else (modulation(bare, sampled), saturation(sampled))
     light = [f for f in seen if f.check not in checks]
-    if not any(f.level == "bad" for f in (*findings, *light)):
+    if phase is not None and _decoded_part(phase, plan.patterns, at[:, sampled.lit]) < DECODES:
+        findings += [Finding("order", "warning", note) for note in phase.notes]
+    elif not any(f.level == "bad" for f in (*findings, *light)):
         findings.append(Finding("order", "good", "the patterns come in their order"))
     findings += light
     return tuple(sorted(findings, key=lambda f: f.level != "bad"))
+
+
+def _decoded_part(phase: PhaseMap, patterns: Sequence[Pattern], at: NDArray[np.intp]) -> float:
+    """Part of pixels, rows and columns (2, n), that have a coordinate along every axis of the patterns."""
+    axes = {axis_of(pattern) for pattern in patterns}
+    found = [values[at[0], at[1]] for axis, values in (("x", phase.u), ("y", phase.v)) if axis in axes]
+    return float(np.isfinite(found).all(axis=0).mean()) if at.size else 0.0
 
 
 def _write(target: Path, series: Sequence[_Series], source: str) -> int:

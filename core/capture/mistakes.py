@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.capture.contradictions import PIXELS, Looked, contradicting, looks, unexplained
+from core.capture.exchanged import exchanged_steps
 from core.capture.lookup import nearest
 from core.capture.plan import Plan
 from core.model import Note
@@ -79,6 +80,8 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
             if left <= (most if _slipped(looked.patterns, described) else least + min(ALIKE, share / 10)):
                 plainest.setdefault(tuple(sorted(changed)), text)
         return Note(f": {'; '.join(plainest.values())}", "mistake"), None
+    if (steps := exchanged_steps(looked.patterns, looked.values, np.inf)) and steps[0].shots:
+        return _exchange(*(looked.shots[i] for i in steps[0].shots))
     for bands, why in LEVELLED.items():
         levelled = _levelled(looked, bands)
         if levelled is not None and contradicting(levelled, looked.patterns, looked, FEW) <= max(most, LEFT):

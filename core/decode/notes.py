@@ -25,9 +25,9 @@ MIXED = (
     "shown, or the object moved. Take the capture again."
 )
 DETOUR = (
-    "the periods contradict each other too much to count fringes: light reaches the surface by a second way, by gloss "
-    "or from a facing wall, or the camera has a gamma of its own. Dull the surface, switch gamma off, show more steps "
-    "and periods, or add a code."
+    "the periods contradict each other too much to count fringes: frames are not those listed, light reaches the "
+    "surface by a second way, by gloss or from a facing wall, or the camera has a gamma of its own. Compare the frames "
+    "with capture.json, dull the surface, switch gamma off, show more steps and periods, or add a code."
 )
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 COMPARE = (

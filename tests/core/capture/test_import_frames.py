@@ -338,6 +338,17 @@ def test_frames_in_a_wrong_order_are_noticed(project: Path, tmp_path: Path) -> N
     assert any("--order content" in words for words in report.words)
 
 
+def test_periods_that_contradict_each_other_are_not_said_to_be_in_order(project: Path, tmp_path: Path, capsys) -> None:
+    """Two steps of one period exchanged: no code tells that, and far fewer than half of the pixels decode."""
+    swapped = {0: 1, 1: 0}
+    take(tmp_path / "in", "two-period:steps=3", lambda k: f"{swapped.get(k, k):03d}.png")
+    command = ["import-frames", tmp_path / "in", project, "a", "--role", "object", "--sequence", "two-period:steps=3"]
+    assert main([str(word) for word in command]) == 0
+    told = capsys.readouterr().out
+    assert "come in their order" not in told
+    assert "frames are not those listed" in told
+
+
 def test_without_a_sequence_the_project_must_know_one(project: Path, tmp_path: Path) -> None:
     take(tmp_path / "in", "gray-sine")
     with pytest.raises(InputError, match="gives no sequence"):

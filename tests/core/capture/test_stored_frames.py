@@ -300,6 +300,19 @@ def test_stripes_too_fine_for_the_camera_are_named() -> None:
     assert "another capture" not in found
 
 
+@pytest.mark.parametrize(("steps", "profile", "gamma"), [(6, "sine", 1.0), (8, "sine", 2.2), (12, "square", 1.0)])
+def test_neighbours_among_many_steps_that_were_exchanged_are_named(steps: int, profile: str, gamma: float) -> None:
+    """Of eight they bend the coordinate by a hundredth of the period only: 5 sigma, and were passed."""
+    patterns = gray_and_phase("x", LINES[0], cell=8, periods=[16], steps=steps)
+    patterns = [replace(p, profile=profile) if isinstance(p, Phase) else p for p in patterns]
+    images = render(patterns, 3, gamma=gamma, shape=MIDDLE)
+    first = next(k for k, p in enumerate(patterns) if isinstance(p, Phase))
+    assert "exchanged" not in told(patterns, images, decoded=False)
+    for k in (first, first + 2):
+        found = told(patterns, swapped(images, k, k + 1), decoded=False)
+        assert re.search(f"frames {k} and {k + 1} were exchanged" if steps > 6 else "contradict", found)
+
+
 def test_exchanged_steps_without_a_code_contradict() -> None:
     patterns: list[Pattern] = [
         Phase(axis, period, 4, step, step * np.pi / 2, "sine")
