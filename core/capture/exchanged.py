@@ -8,7 +8,7 @@ were exchanged bend the coordinate by little; the wave that the others make tell
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -34,8 +34,10 @@ PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exch
 FEWEST_STEPS = 5  # of a period: fewer leave too little beside the wave
 HARMONICS = (8, 12)  # steps from which a second and a third harmonic are no misfit
 TOLD_APART = 7  # steps from which no other pair makes the same wave, backwards
-# of the misfit, left with two steps in each other's place: sine waves to 0.23, square ones to 0.9, sound ones from 1.1
-LEFT = 0.75
+# of the misfit, left with two steps in each other's place: sine waves to 0.23, square ones to 0.9, sound ones from
+# 1.1, with a lamp that flickers from 0.69
+LEFT = 0.65
+ODD_STEP, MOVED = 0.1, 0.5  # of the misfit, left without the odd step; of what that differs by, which light is not
 
 
 def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map, str]]) -> list[Finding]:
@@ -119,16 +121,8 @@ def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
 def exchanged_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -> list[Finding]:
     """Find two phase steps of a period that make a wave in each other's place only; `grey` (frames, n) is lit."""
     found = []
-    steps: dict[tuple[Axis, float], dict[int, float]] = {}
-    for k, p in enumerate(patterns):
-        if isinstance(p, Phase):
-            steps.setdefault((p.axis, p.period), {})[k] = p.shift_rad
-    for (axis, _), shifts in steps.items():
-        own = list(shifts)
-        seen = grey[own][:, grey[own].max(axis=0) < saturation]
-        if len(own) < FEWEST_STEPS or seen.shape[1] < PAIRS:
-            continue
-        left, *pair = _likelier(np.array(list(shifts.values())), seen)
+    for axis, own, shifts, seen in _periods(patterns, grey, saturation):
+        left, *pair = _likelier(shifts, seen)
         if left < LEFT:
             shots = tuple(own[step] for step in pair) if len(own) >= TOLD_APART else ()
             which = "frames {} and {}".format(*shots) if shots else "two phase steps"
@@ -138,15 +132,38 @@ def exchanged_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -
     return found
 
 
+def odd_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -> list[Finding]:
+    """Find a phase step without which the others of its period make waves, and that differs by more than light."""
+    found = []
+    for _, own, shifts, seen in _periods(patterns, grey, saturation):
+        if len(own) >= TOLD_APART and (step := _odd(shifts, seen)) is not None:
+            why = "something moved or flickered in part; record again"
+            text = f"frame {own[step]} does not fit the other steps of its period: {why}"
+            found.append(Finding("movement", "bad", text, {}, (own[step],)))
+    return found
+
+
+def _periods(
+    patterns: Sequence[Pattern], grey: Map, saturation: float
+) -> Iterator[tuple[Axis, list[int], NDArray[np.float64], Map]]:
+    """Axis, frames, shifts and unsaturated grey values (steps, n) of every period that has steps enough."""
+    steps: dict[tuple[Axis, float], list[int]] = {}
+    for k, p in enumerate(patterns):
+        if isinstance(p, Phase):
+            steps.setdefault((p.axis, p.period), []).append(k)
+    for (axis, _), own in steps.items():
+        seen = grey[own][:, grey[own].max(axis=0) < saturation]
+        if len(own) >= FEWEST_STEPS and seen.shape[1] >= PAIRS:
+            shown = [patterns[k] for k in own]
+            yield axis, own, np.array([p.shift_rad for p in shown if isinstance(p, Phase)]), seen
+
+
 def _likelier(shifts: NDArray[np.float64], seen: Map) -> tuple[float, int, int]:
     """The two steps that fit best in each other's place, and the part of the misfit to waves that is left then.
 
     It is a trace of the covariance of frames over all pixels, `seen` (frames, n), which exchanges reorder.
     """
-    orders = range(1, 2 + sum(len(shifts) >= n for n in HARMONICS))
-    waves = np.stack([np.ones_like(shifts), *(turn(h * shifts) for h in orders for turn in (np.cos, np.sin))])
-    beside = np.linalg.svd(waves)[2][np.linalg.matrix_rank(waves, 1e-6) :]
-    seen = seen - seen.mean(axis=0)
+    beside, seen = _beside(shifts), seen - seen.mean(axis=0)
     seen /= np.maximum(np.linalg.norm(seen, axis=0), 1e-9)
     covariance = seen @ seen.T
     misfit = []
@@ -157,3 +174,34 @@ def _likelier(shifts: NDArray[np.float64], seen: Map) -> tuple[float, int, int]:
         misfit.append(float(np.sum(beside @ covariance[np.ix_(order, order)] * beside)))
     best = int(np.argmin(misfit[1:]))
     return misfit[1 + best] / max(misfit[0], 1e-9), *pairs[best]
+
+
+def _waves(shifts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """What steps may show: offset, wave and as many harmonics as they can tell from exchanges."""
+    orders = range(1, 2 + sum(len(shifts) >= n for n in HARMONICS))
+    return [np.ones_like(shifts), *(turn(h * shifts) for h in orders for turn in (np.cos, np.sin))]
+
+
+def _beside(shifts: NDArray[np.float64], *also: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What steps show beside a wave, its harmonics and `also` (frames,): orthonormal rows of the frames' values."""
+    waves = np.stack([*_waves(shifts), *also])
+    return np.asarray(np.linalg.svd(waves)[2][np.linalg.matrix_rank(waves, 1e-6) :])
+
+
+def _odd(shifts: NDArray[np.float64], seen: Map) -> int | None:
+    """The step without which the others make waves, if it differs from theirs by more than more or less light."""
+    covariance = seen @ seen.T
+    whole, *without = (
+        float(np.sum(beside @ covariance * beside))
+        for beside in (_beside(shifts), *(_beside(shifts, row) for row in np.eye(len(shifts))))
+    )
+    step = int(np.argmin(without))
+    if without[step] > ODD_STEP * whole:
+        return None
+    others = np.arange(len(shifts)) != step
+    waves = np.stack(_waves(shifts))
+    offset, *wave = np.linalg.lstsq(waves[:, others].T, seen[others], rcond=None)[0]
+    light = np.stack([offset, waves[1:, step] @ wave, np.ones_like(offset)])
+    off = seen[step] - offset - light[1]
+    rest = off - np.linalg.lstsq(light.T, off, rcond=None)[0] @ light
+    return step if rest @ rest > MOVED * (off @ off) else None

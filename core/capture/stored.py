@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from core.algebra import on_own_threads
 from core.capture.beside import beside_code
 from core.capture.contradictions import PIXELS, Looked
-from core.capture.exchanged import exchanged_frames, exchanged_steps
+from core.capture.exchanged import exchanged_frames, exchanged_steps, odd_steps
 from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, too_fine
 from core.capture.overlapping import overlapping
 from core.capture.pixels import (
@@ -242,7 +242,8 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
             shown = () if shot is None else (shot,)
             figures = {"contradicting": share}
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
-    return found or exchanged_steps(plan.shots, sampled.grey[:, sampled.lit], sampled.full)
+    lit = sampled.grey[:, sampled.lit]
+    return found or exchanged_steps(plan.shots, lit, sampled.full) or odd_steps(plan.shots, lit, sampled.full)
 
 
 def _doubled(plan: Plan, images: Sequence[NDArray], sampled: Sampled) -> list[Finding]:

@@ -313,6 +313,19 @@ def test_neighbours_among_many_steps_that_were_exchanged_are_named(steps: int, p
         assert re.search(f"frames {k} and {k + 1} were exchanged" if steps > 6 else "contradict", found)
 
 
+@pytest.mark.parametrize("steps", [8, 12])
+def test_a_step_of_many_in_which_something_moved_is_named(steps: int) -> None:
+    """By 3 px, in one frame: half of the coordinates were beyond 3 sigma. More or less light is taken out instead."""
+    patterns = gray_and_phase("x", LINES[0], cell=8, periods=[16], steps=steps)
+    images = render(patterns, 3, shape=MIDDLE)
+    k = 3 + next(k for k, p in enumerate(patterns) if isinstance(p, Phase))
+    moved, bright = list(images), list(images)
+    moved[k] = np.roll(images[k], 3, axis=1)
+    bright[k] = np.rint(np.minimum(images[k] * 1.15, 255)).astype(np.uint8)
+    assert f"frame {k} does not fit the other steps" in told(patterns, moved, decoded=False)
+    assert "does not fit" not in told(patterns, images, decoded=False) + told(patterns, bright, decoded=False)
+
+
 def test_exchanged_steps_without_a_code_contradict() -> None:
     patterns: list[Pattern] = [
         Phase(axis, period, 4, step, step * np.pi / 2, "sine")
