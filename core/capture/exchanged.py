@@ -1,4 +1,4 @@
-"""Frames of a code or phase steps that were exchanged: told by the decoded coordinates, on objects of any form.
+"""Frames of a code or phase steps that were exchanged, or are of another moment, on objects of any form.
 
 From one cell of a Gray code to the next one bit changes. If it stands for another, the coordinate jumps to a far cell
 whose word differs by one bit, all along that line; steps of depth join any words. Steps of square waves may be
@@ -37,7 +37,7 @@ TOLD_APART = 7  # steps from which no other pair makes the same wave, backwards
 # of the misfit, left with two steps in each other's place: sine waves to 0.23, square ones to 0.9, sound ones from
 # 1.1, with a lamp that flickers from 0.69
 LEFT = 0.65
-ODD_STEP, MOVED = 0.1, 0.5  # of the misfit, left without the odd step; of what that differs by, which light is not
+ODD_STEP = 0.1  # of its misfit, also without what more or less light explains of it: the others' without an odd step
 
 
 def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map, str]]) -> list[Finding]:
@@ -137,7 +137,7 @@ def odd_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -> list
     found = []
     for _, own, shifts, seen in _periods(patterns, grey, saturation):
         if len(own) >= TOLD_APART and (step := _odd(shifts, seen)) is not None:
-            why = "something moved or flickered in part; record again"
+            why = "it is of another capture, or something moved or flickered in part; record again"
             text = f"frame {own[step]} does not fit the other steps of its period: {why}"
             found.append(Finding("movement", "bad", text, {}, (own[step],)))
     return found
@@ -204,4 +204,4 @@ def _odd(shifts: NDArray[np.float64], seen: Map) -> int | None:
     light = np.stack([offset, waves[1:, step] @ wave, np.ones_like(offset)])
     off = seen[step] - offset - light[1]
     rest = off - np.linalg.lstsq(light.T, off, rcond=None)[0] @ light
-    return step if rest @ rest > MOVED * (off @ off) else None
+    return step if without[step] < ODD_STEP * (rest @ rest) else None

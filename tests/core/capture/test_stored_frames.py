@@ -319,10 +319,12 @@ def test_a_step_of_many_in_which_something_moved_is_named(steps: int) -> None:
     patterns = gray_and_phase("x", LINES[0], cell=8, periods=[16], steps=steps)
     images = render(patterns, 3, shape=MIDDLE)
     k = 3 + next(k for k, p in enumerate(patterns) if isinstance(p, Phase))
-    moved, bright = list(images), list(images)
+    moved, foreign, bright = list(images), list(images), list(images)
     moved[k] = np.roll(images[k], 3, axis=1)
+    foreign[k] = np.rint(0.6 * render(patterns, 3, dots=False, shape=MIDDLE)[k]).astype(np.uint8)  # the board, painted
     bright[k] = np.rint(np.minimum(images[k] * 1.15, 255)).astype(np.uint8)
-    assert f"frame {k} does not fit the other steps" in told(patterns, moved, decoded=False)
+    for wrong in (moved, foreign):
+        assert f"frame {k} does not fit the other steps" in told(patterns, wrong, decoded=False)
     assert "does not fit" not in told(patterns, images, decoded=False) + told(patterns, bright, decoded=False)
 
 
