@@ -34,8 +34,8 @@ PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exch
 FEWEST_STEPS = 5  # of a period: fewer leave too little beside the wave
 HARMONICS = (8, 12)  # steps from which a second and a third harmonic are no misfit
 TOLD_APART = 7  # steps from which no other pair makes the same wave, backwards
-# of the misfit, left with two steps in each other's place: sine waves to 0.23, square ones to 0.9, sound ones from
-# 1.1, with a lamp that flickers from 0.69
+# of the misfit, that two steps in each other's place leave: exchanged ones to 0.23 (sine), to 0.9 (square), sound
+# ones from 1.1, in light that flickers from 0.69
 LEFT = 0.65
 ODD_STEP = 0.1  # of its misfit, also without what more or less light explains of it: the others' without an odd step
 
@@ -118,10 +118,13 @@ def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
     return against / count if count >= PAIRS else 0.0
 
 
-def exchanged_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -> list[Finding]:
-    """Find two phase steps of a period that make a wave in each other's place only; `grey` (frames, n) is lit."""
+def exchanged_steps(patterns: Sequence[Pattern], grey: Map, lit: NDArray[np.bool_], saturation: float) -> list[Finding]:
+    """Find two phase steps of a period that make a wave in each other's place only.
+
+    `grey` (frames, n) counts where `lit` (n,) and below `saturation`.
+    """
     found = []
-    for axis, own, shifts, seen in _periods(patterns, grey, saturation):
+    for axis, own, shifts, seen in _many_steps(patterns, grey, lit, saturation):
         left, *pair = _likelier(shifts, seen)
         if left < LEFT:
             shots = tuple(own[step] for step in pair) if len(own) >= TOLD_APART else ()
@@ -132,10 +135,10 @@ def exchanged_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -
     return found
 
 
-def odd_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -> list[Finding]:
+def odd_steps(patterns: Sequence[Pattern], grey: Map, lit: NDArray[np.bool_], saturation: float) -> list[Finding]:
     """Find a phase step without which the others of its period make waves, and that differs by more than light."""
     found = []
-    for _, own, shifts, seen in _periods(patterns, grey, saturation):
+    for _, own, shifts, seen in _many_steps(patterns, grey, lit, saturation):
         if len(own) >= TOLD_APART and (step := _odd(shifts, seen)) is not None:
             why = "it is of another capture, or something moved or flickered in part; record again"
             text = f"frame {own[step]} does not fit the other steps of its period: {why}"
@@ -143,19 +146,25 @@ def odd_steps(patterns: Sequence[Pattern], grey: Map, saturation: float) -> list
     return found
 
 
-def _periods(
-    patterns: Sequence[Pattern], grey: Map, saturation: float
-) -> Iterator[tuple[Axis, list[int], NDArray[np.float64], Map]]:
-    """Axis, frames, shifts and unsaturated grey values (steps, n) of every period that has steps enough."""
-    steps: dict[tuple[Axis, float], list[int]] = {}
+def steps_of_periods(patterns: Sequence[Pattern]) -> list[tuple[Axis, list[int], NDArray[np.float64]]]:
+    """Axis, numbers and shifts of the phase steps of every period."""
+    steps: dict[tuple[Axis, float], dict[int, float]] = {}
     for k, p in enumerate(patterns):
         if isinstance(p, Phase):
-            steps.setdefault((p.axis, p.period), []).append(k)
-    for (axis, _), own in steps.items():
-        seen = grey[own][:, grey[own].max(axis=0) < saturation]
-        if len(own) >= FEWEST_STEPS and seen.shape[1] >= PAIRS:
-            shown = [patterns[k] for k in own]
-            yield axis, own, np.array([p.shift_rad for p in shown if isinstance(p, Phase)]), seen
+            steps.setdefault((p.axis, p.period), {})[k] = p.shift_rad
+    return [(axis, list(own), np.array(list(own.values()))) for (axis, _), own in steps.items()]
+
+
+def _many_steps(
+    patterns: Sequence[Pattern], grey: Map, lit: NDArray[np.bool_], saturation: float
+) -> Iterator[tuple[Axis, list[int], NDArray[np.float64], Map]]:
+    """Axis, numbers, shifts and grey values (steps, n) of every period that has steps enough."""
+    for axis, own, shifts in steps_of_periods(patterns):
+        if len(own) >= FEWEST_STEPS:
+            seen = grey[own]
+            seen = seen[:, lit & (seen.max(axis=0) < saturation)]
+            if seen.shape[1] >= PAIRS:
+                yield axis, own, shifts, seen
 
 
 def _likelier(shifts: NDArray[np.float64], seen: Map) -> tuple[float, int, int]:

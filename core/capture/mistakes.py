@@ -80,7 +80,8 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
             if left <= (most if _slipped(looked.patterns, described) else least + min(ALIKE, share / 10)):
                 plainest.setdefault(tuple(sorted(changed)), text)
         return Note(f": {'; '.join(plainest.values())}", "mistake"), None
-    if (steps := exchanged_steps(looked.patterns, looked.values, np.inf)) and steps[0].shots:
+    everywhere = np.ones(looked.values.shape[1], np.bool_)
+    if (steps := exchanged_steps(looked.patterns, looked.values, everywhere, np.inf)) and steps[0].shots:
         return _exchange(*(looked.shots[i] for i in steps[0].shots))
     for bands, why in LEVELLED.items():
         levelled = _levelled(looked, bands)

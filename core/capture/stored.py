@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from core.algebra import on_own_threads
 from core.capture.beside import beside_code
 from core.capture.contradictions import PIXELS, Looked
-from core.capture.exchanged import exchanged_frames, exchanged_steps, odd_steps
+from core.capture.exchanged import exchanged_frames, exchanged_steps, odd_steps, steps_of_periods
 from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, too_fine
 from core.capture.overlapping import overlapping
 from core.capture.pixels import (
@@ -41,7 +41,7 @@ from core.capture.unchanging import unchanging
 from core.model import Capture, PhaseMap, Subject
 from core.model.finding import Finding
 from core.numerics import median_of, quantile_of, quantiles_in, ranked, spaced
-from core.patterns import Axis, Code, Line, Phase, axis_of, level_of
+from core.patterns import Axis, Code, Line, axis_of, level_of
 
 Array = NDArray[np.float32]
 
@@ -242,8 +242,8 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
             shown = () if shot is None else (shot,)
             figures = {"contradicting": share}
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
-    lit = sampled.grey[:, sampled.lit]
-    return found or exchanged_steps(plan.shots, lit, sampled.full) or odd_steps(plan.shots, lit, sampled.full)
+    steps = plan.shots, sampled.grey, sampled.lit, sampled.full
+    return found or exchanged_steps(*steps) or odd_steps(*steps)
 
 
 def _doubled(plan: Plan, images: Sequence[NDArray], sampled: Sampled) -> list[Finding]:
@@ -254,12 +254,7 @@ def _doubled(plan: Plan, images: Sequence[NDArray], sampled: Sampled) -> list[Fi
     # a grid may beat with the lines
     row, column = (scattered(n, THIN, factor) for n, factor in zip(images[0].shape, IRRATIONAL, strict=True))
     at = row * images[0].shape[1] + column
-    steps: dict[tuple[Axis, float], list[int]] = {}
-    for k, p in enumerate(plan.shots):
-        if isinstance(p, Phase):
-            steps.setdefault((p.axis, p.period), []).append(k)
-    for own in (own for own in steps.values() if len(own) >= 3):
-        shifts = np.array([p.shift_rad for k in own if isinstance(p := plan.shots[k], Phase)])
+    for _, own, shifts in (period for period in steps_of_periods(plan.shots) if len(period[1]) >= 3):
         grey = np.array([images[k].ravel()[at] for k in own], np.float64)
         swing = np.ptp(grey, axis=0)
         striped = swing > max(BRIGHT * quantile_of(swing, 0.97), 5 * sampled.noise)

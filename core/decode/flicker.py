@@ -20,7 +20,7 @@ from core.decode.tables import Array, AxisTable, Fits, Singles
 from core.numerics import distinct, quantile_of, sigma_by_median
 
 ROUNDS = 3
-# of the image in either direction; px of each; px of its parts, in which fringes must change, wider for wide ones
+# of the image in either direction; px of each; px of parts in which fringes must change, wide ones in wider
 PATCHES, PATCH, PARTS = 8, 96, (24, 48, 96)
 STEP, SMALL = 8, 400 * 400  # px of a square of which one pixel is looked at; pixels of an image below which it is half
 COHERENT = 0.5  # mean of exp(i phase) in such a part from which it has less than about half a fringe
