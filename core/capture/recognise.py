@@ -84,7 +84,7 @@ def recognise(
             found[pattern] = frame
         if best[0] < 2 * FITS or not best[1]:
             return found
-    seen = "no order of these images makes them show the sequence"
+    seen = "no order of these images was found in which they show the sequence"
     raise InputError(where, seen, "give the right --sequence, or order them by name or by a list")
 
 

@@ -170,7 +170,10 @@ def _told(a: str, b: str, pairs: list[tuple[Frame, Frame]], frames: int) -> Conc
     if len({f.path.name for f, _ in pairs}) >= 0.9 * frames:
         return Concern("failed", f"{b} has the same frames as {a}: one capture under two names; take one out", b)
     names = listed(sorted({g.path.name for _, g in pairs}), MOST_NAMED)
-    return Concern("failed", f"{b}: {names} also stands in {a}: a file of another capture; record it again", b)
+    text = f"{b}: {names} also stands in {a}: a file of another capture; record it again"
+    if len(pairs) > 1:
+        text = f"{b}: {names} also stand in {a}: files of another capture; record them again"
+    return Concern("failed", text, b)
 
 
 def _dark(pattern: Pattern) -> bool:

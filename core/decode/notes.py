@@ -155,6 +155,8 @@ def _causes(
     grainy = noise <= APART * grain
     remedy = "Focus, expose longer or use longer periods."
     weak = f"the fringes are too weak for the noise of {noise:.1f} grey values. {remedy}"
+    if not any(len(table.period) for table in tables):
+        weak = f"the stripes are too weak for the noise of {noise:.1f} grey values. Focus or expose longer."
     if worded:
         weak = f"light and words differ by {noise:.1f} grey values, too much for the stripes' contrast. {COMPARE}"
     elif not grainy:

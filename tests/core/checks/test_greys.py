@@ -94,7 +94,7 @@ def test_files_that_another_capture_holds_are_counted() -> None:
     ]
     contents = {f.place: f.path.name if int(f.path.stem) < 20 else f.place for c in captures for f in c.frames}
     (concern,) = repeated_frames(captures, {}, contents, lambda frame: False)
-    assert concern.text.startswith("b: 00.png, 01.png, 02.png, 03.png and 16 more also stands in a")
+    assert concern.text.startswith("b: 00.png, 01.png, 02.png, 03.png and 16 more also stand in a")
 
 
 def test_a_file_that_many_captures_hold_is_told_once_of_each_and_looked_at_once() -> None:

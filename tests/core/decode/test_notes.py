@@ -93,6 +93,15 @@ def test_fringes_that_do_not_show(bench) -> None:
     assert "Focus" in note
 
 
+def test_bits_that_do_not_show_are_no_fringes(bench) -> None:
+    """A code alone has no fringes: its stripes are dim all over."""
+    patterns = [*gray_and_phase("x", 640, cell=4, periods=[]), White(), Black()]
+    b = bench(gain=14.0, dark=30.0)
+    (note, *_) = decode(patterns, b.take(patterns), lines=(640, 640)).notes
+    assert "the stripes are too weak for the noise" in note
+    assert "fringes" not in note
+
+
 def test_periods_that_noise_makes_ambiguous_are_not_said_to_contradict(bench) -> None:
     patterns = [Phase("x", period, 3, k, 2 * np.pi * k / 3, "sine") for period in (16.0, 17.0, 18.0) for k in range(3)]
     b = bench(dark=30.0, gain=60.0)

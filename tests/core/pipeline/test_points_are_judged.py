@@ -162,7 +162,7 @@ def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
         (folder / OBJECT / name).unlink()
         shutil.copy(folder / "plane+15" / name, folder / OBJECT / name)
     shutil.copy(folder / "plane+15" / "023.png", folder / OBJECT / "new.png")  # no frame
-    said = "005.png, 006.png also stands in plane+15: a file of another capture"
+    said = "005.png, 006.png also stand in plane+15: files of another capture"
     assert said in decode_capture(folder / OBJECT).notes[0]
     assert named_by(decode_capture(folder / OBJECT).notes[0]) == "mistake"
     monkeypatch.chdir(folder)  # a capture was held against itself where its path was written otherwise
@@ -170,16 +170,16 @@ def test_frames_that_another_capture_holds_are_told_with_coordinates_and_points(
     assert find_capture(read_project(calibrated), os.path.relpath(folder / OBJECT)).path == folder / OBJECT
     assert said in " ".join(reconstruct_capture(read_project(calibrated), OBJECT)[1].verdict.because)
     own = next(e for e in evaluate_project(read_project(calibrated)) if e.capture == "plane+15")
-    assert any("also stands in " + OBJECT in text for text in own.verdict.because)
+    assert any("also stand in " + OBJECT in text for text in own.verdict.because)
     for names in ([OBJECT], [OBJECT, "plane+15"]):  # what was made of other captures is left as it is
         run_batch(read_project(calibrated), calibrated / "out", names, workers=1)
     summary = json.loads((calibrated / "out" / "summary.json").read_text())["captures"]
     assert said in " ".join(summary[0]["reconstruct"]["verdict"]["because"])
     assert [row["state"] for row in summary] == ["left", "done"]
-    assert all("also stands in " + OBJECT in " ".join(p["verdict"]["because"]) for p in summary[1]["evaluate"])
+    assert all("also stand in " + OBJECT in " ".join(p["verdict"]["because"]) for p in summary[1]["evaluate"])
     options = CalibrateOptions(without=("depth-01",))  # it failed for a frame that captures beside it share
     found = calibrate_project(read_project(calibrated), "polynomial", options)["polynomial"]
-    assert not any("also stands" in text for text in found.verdict.because)
+    assert not any("also stand" in text for text in found.verdict.because)
     (folder / "depth-01" / "capture.json").write_text("{")
     assert not any("also stands" in note for note in decode_capture(folder / "testfield-01").notes)
 
