@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from math import pi
@@ -243,6 +243,9 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
         yield text, values[beside], patterns
     phases = [p for p in patterns if isinstance(p, Phase)]
     codes = [p for p in patterns if isinstance(p, Code)]
+    for period, other in combinations(sorted({p.period for p in phases}), 2):
+        text = f"they fit if the periods of {period:g} and {other:g} lines are exchanged"
+        yield text, own, _of_periods(patterns, {period: other, other: period})
     others = [
         (p, q, abs(q / p - 1) < NEAR) for p in sorted({p.period for p in phases}) for q in _other_periods(p, codes)
     ]
@@ -278,8 +281,12 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
 def _of_period(
     period: float, other: float, own: Array, patterns: Sequence[Pattern]
 ) -> tuple[str, Array, Sequence[Pattern]]:
-    changed = [replace(p, period=other) if isinstance(p, Phase) and p.period == period else p for p in patterns]
-    return f"they fit with a period of {other:g} lines, not {period:g}", own, changed
+    text = f"they fit with a period of {other:g} lines, not {period:g}"
+    return text, own, _of_periods(patterns, {period: other})
+
+
+def _of_periods(patterns: Sequence[Pattern], others: Mapping[float, float]) -> list[Pattern]:
+    return [replace(p, period=others.get(p.period, p.period)) if isinstance(p, Phase) else p for p in patterns]
 
 
 def _slipped(patterns: Sequence[Pattern], described: Sequence[Pattern]) -> bool:

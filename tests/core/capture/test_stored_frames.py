@@ -191,6 +191,18 @@ def test_a_period_that_is_a_slip_is_named_before_others_that_fit_as_well(monkeyp
     assert "they fit with a period of 4 lines, not 4.012" in told([slip(p) for p in patterns], images)
 
 
+def test_periods_in_each_others_place_are_named() -> None:
+    patterns: list[Pattern] = [
+        *chain.from_iterable(gray_and_phase(axis, 160, cell=8, periods=(16.0, 23.5), steps=3) for axis in ("x", "y")),
+        White(),
+        Black(),
+    ]
+    change = of(Phase, period=lambda p: 39.5 - p.period)
+    found = told([change(p) for p in patterns], render(patterns, 5, shape=MIDDLE))
+    assert "frames across columns" in found
+    assert found.count("they fit if the periods of 16 and 23.5 lines are exchanged") == 2
+
+
 def swapped(f: Frames, i: int, k: int) -> Frames:
     g = list(f)
     g[i], g[k] = g[k], g[i]
