@@ -317,7 +317,7 @@ def _read_calibrations(path: Path, hashes: tuple[tuple[str, str | None], ...]) -
 
 def _here(jobs: Sequence[Job], workers: int | None, progress: Progress) -> Generator[Outcome]:
     """Work on all jobs by copies of this process, or in it."""
-    for name in ("core.decode.absolute", "core.capture.stored"):
+    for name in ("core.decode.absolute", "core.verify.stored"):
         import_module(name)  # once, not by every copy
 
     def work(k: int, said: Progress) -> Outcome:

@@ -46,7 +46,8 @@ ALLOWED = {
     "patterns": {"errors", "fields"},
     "project": GROUND | {"resources"},
     "devices": GROUND | {"resources", "project", "bench"},  # the virtual devices switch the bench
-    "capture": GROUND | {"project", "devices"},
+    "verify": GROUND,
+    "capture": GROUND | {"project", "devices", "verify"},
     "bench": GROUND | {"project"},
     "decode": GROUND,
     "measure": GROUND,
@@ -60,7 +61,7 @@ ALLOWED = {
     "figures": {"geometry", "model"},
     "pipeline": GROUND
     | {"figures", "project", "capture", "bench", "decode", "measure", "calibrate", "reconstruct", "evaluate", "report"}
-    | {"checks", "exchange", "orient"},
+    | {"verify", "checks", "exchange", "orient"},
     "batch": GROUND | {"figures", "project", "pipeline", "reconstruct", "evaluate"},
     "arrays": {"errors", "model", "patterns"},
     "api": GROUND | {"arrays", "decode", "calibrate", "checks", "reconstruct", "orient"},
@@ -200,7 +201,7 @@ def test_help_loads_nothing_heavy() -> None:
 
 def test_decoding_adjusting_and_reconstructing_wait_for_no_heavy_part_of_scipy() -> None:
     used = (
-        "core.cli core.figures core.pipeline.calibrate core.calibrate core.capture.stored core.checks.network "
+        "core.cli core.figures core.pipeline.calibrate core.calibrate core.verify.stored core.checks.network "
         "core.decode core.reconstruct"
     )
     code = (

@@ -98,6 +98,7 @@ def test_every_room_is_in_the_reference() -> None:
         "arrays",
         "resources",
         "numerics",
+        "verify",
         "digits",
         "fields",
         "atomic",

@@ -8,13 +8,12 @@ from math import atan2, degrees
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.identity import coordinates, identity
-from core.capture.plan import Plan
-from core.capture.quality import LIT, Sampled
-from core.model import Array
+from core.model import Array, Plan
 from core.model.finding import Finding
 from core.numerics import quantile_of
 from core.patterns import axis_of, finest_steps, level_of
+from core.verify.identity import coordinates, identity
+from core.verify.quality import LIT, Sampled
 
 CURVED = 0.02  # of full light; a phase of four steps is then off by less than a hundredth of its period
 TILE = 16  # px, of the pictures

@@ -14,15 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.atomic import part_prefix, sweep, unwritable
-from core.capture.plan import Plan, make_plan
-from core.capture.proof import prove
-from core.capture.quality import modulation, noise_of_one, sample_grid, saturation, summarise
-from core.capture.recognise import order_in_words, recognise
-from core.capture.stored import check_stored
+from core.capture.plan import make_plan
 from core.errors import InputError
 from core.fields import regular
 from core.lazy import dataclass
-from core.model import Capture, DeviceSpec, Frame, PhaseMap, Project, Subject
+from core.model import Capture, DeviceSpec, Frame, PhaseMap, Plan, Project, Subject
 from core.model.finding import Finding
 from core.numerics import spaced
 from core.patterns import Pattern, SequenceSpec, alike, axis_of, like, read_sequence_file
@@ -30,6 +26,10 @@ from core.progress import SILENT, Progress
 from core.project import add_capture, read_capture, read_image, write_image
 from core.project.captures import may_list, write_capture_json
 from core.project.images import Image
+from core.verify.proof import prove
+from core.verify.quality import modulation, noise_of_one, sample_grid, saturation, summarise
+from core.verify.recognise import order_in_words, recognise
+from core.verify.stored import check_stored
 
 ENDINGS = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
 KEPT = (".png", ".tif", ".tiff")  # these are copied byte by byte, if they are grey

@@ -1,53 +1,23 @@
-"""What a capture shall record, as plain data."""
+"""Planning a capture: what it shall record, by the project and by what the projector can show."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from core.errors import InputError, PatternRefusedError
-from core.lazy import dataclass
-from core.model import Project, Role, Subject
+from core.model import Plan, Project, Role, Subject
 from core.patterns import Black, Level, Pattern, White, axis_of, brightness, default_sequence, describe, level_of
 
 if TYPE_CHECKING:
     from core.devices import Projector
 
 LONGEST_NAME = 100  # bytes; file systems take 255, and files are named after captures
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The patterns of a capture in the order they are shown, and what the capture is for.
-
-    Before the first and after the last pattern the `guards` are shown: frames that are compared with each other to see
-    movement and the lamp's drift, and that are no part of the capture.
-    """
-
-    subject: Subject
-    patterns: tuple[Pattern, ...]
-    guards: tuple[Pattern, ...]
-    devices: Mapping[str, str] = field(default_factory=dict)  # "camera", "projector": where they need names
-
-    @property
-    def shots(self) -> tuple[Pattern, ...]:
-        """Everything that is shown: guards, patterns, and the guards in reverse."""
-        return (*self.guards, *self.patterns, *self.guards[::-1])
-
-    @property
-    def own(self) -> range:
-        """Which shots are frames of the capture."""
-        return range(len(self.guards), len(self.guards) + len(self.patterns))
-
-    @property
-    def guard_pairs(self) -> list[tuple[int, int]]:
-        """Shots of the same guard, before and after."""
-        return [(i, len(self.shots) - 1 - i) for i in range(len(self.guards))]
 
 
 def make_plan(project: Project, subject: Subject, patterns: Sequence[Pattern] | None = None) -> Plan:

@@ -12,15 +12,15 @@ from math import ceil
 import numpy as np
 
 from core.capture import fitness
-from core.capture.plan import Plan, guards_for, own_sequence
-from core.capture.quality import LIT, sample_grid, summarise
+from core.capture.plan import guards_for, own_sequence
 from core.devices import Camera, Check, Projector, no_check, wait_until
 from core.errors import DeviceError
-from core.model import Array, Subject
+from core.model import Array, Plan, Subject
 from core.model.finding import Finding
 from core.numerics import sigma_about_median
 from core.patterns import Black, Level, Pattern, Phase, White, axis_of, finest_steps
 from core.progress import SILENT, Progress
+from core.verify.quality import LIT, sample_grid, summarise
 
 LEVELS = 9  # of grey, black and white included
 DELAYS_MS = (0, 2, 4, 6, 8, 11, 14, 18, 23, 30, 40, 55, 75, 100, 140, 200, 300)

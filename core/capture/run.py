@@ -12,10 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.identity import identity
 from core.capture.latency import measure_latency
-from core.capture.plan import Plan, check_shown, make_plan, sequence_for
-from core.capture.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
+from core.capture.plan import check_shown, make_plan, sequence_for
 from core.capture.store import (
     TIFF,
     Listen,
@@ -32,11 +30,13 @@ from core.capture.triggered import period_of, take_sequence
 from core.devices import Camera, Image, Projector, open_camera, open_projector, wait_until
 from core.errors import DeviceError, InputError, PatternRefusedError
 from core.lazy import dataclass
-from core.model import Project, Subject
+from core.model import Plan, Project, Subject
 from core.model.finding import Finding
 from core.patterns import Pattern, describe
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_project
+from core.verify.identity import identity
+from core.verify.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
 
 ROUNDS = 4  # times that wrong frames are taken again before the capture is given up
 FLASHES = 8  # to find the latency of a screen

@@ -23,11 +23,10 @@ from typing import Any
 import numpy as np
 
 from core.atomic import unwritable
-from core.capture.plan import Plan
 from core.devices import Image
 from core.errors import InputError
 from core.fields import Fields, read_document
-from core.model import Subject
+from core.model import Plan, Subject
 from core.model.finding import Finding
 from core.patterns import pattern_from_dict, pattern_to_dict
 from core.project import read_capture, read_image, write_image

@@ -28,7 +28,7 @@ from core.model.calibration import (
     Pair,
     PhotogrammetricCalibration,
 )
-from core.model.capture import Capture, Frame, Role, Subject
+from core.model.capture import Capture, Frame, Plan, Role, Subject
 from core.model.finding import (
     UNJUDGED,
     Concern,
@@ -52,7 +52,7 @@ __all__ = [
     "AdjustedDevice", "Adjustment", "Array", "Calibration", "Capture", "Concern", "DepthCalibration", "DeviceSpec",
     "DriftPoint", "Feature", "Figures", "Finding", "Floats", "Frame", "Interior", "Ints", "KnownLength", "KnownPoints",
     "LeftOut", "Method", "MissingTarget", "Names", "Network", "NetworkDevice", "NetworkScale", "Note", "Orientation",
-    "Overlap", "Pair", "PhaseMap", "PhotogrammetricCalibration", "PlaneEvaluation", "PointCloud", "Project",
-    "Registration", "Rig", "RigCorrection", "RigMotion", "Role", "ScaleBar", "Seed", "StationId", "Subject",
+    "Overlap", "Pair", "PhaseMap", "PhotogrammetricCalibration", "Plan", "PlaneEvaluation", "PointCloud",
+    "Project", "Registration", "Rig", "RigCorrection", "RigMotion", "Role", "ScaleBar", "Seed", "StationId", "Subject",
     "TargetId", "TargetSet", "Testfield", "Verdict", "bluntness", "named_by", "points_at_a_cause", "verdict_of",
 ]  # fmt: skip

@@ -1,8 +1,9 @@
-"""What a capture holds: the frames of one sequence, and what the projector was meant to show in each."""
+"""What a capture holds, or shall hold: the frames of one sequence, and what the projector was meant to show in each."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -49,6 +50,35 @@ class Subject:
     def facts(self) -> dict[str, str | float | None]:
         """What capture.json keeps beside the frames, by its names."""
         return {key: getattr(self, key) for key in ("role", "testfield", "z_mm", "angle_deg")}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The patterns of a capture in the order they are shown, and what the capture is for.
+
+    Before the first and after the last pattern the `guards` are shown: frames that are compared with each other to see
+    movement and the lamp's drift, and that are no part of the capture.
+    """
+
+    subject: Subject
+    patterns: tuple[Pattern, ...]
+    guards: tuple[Pattern, ...]
+    devices: Mapping[str, str] = field(default_factory=dict)  # "camera", "projector": where they need names
+
+    @property
+    def shots(self) -> tuple[Pattern, ...]:
+        """Everything that is shown: guards, patterns, and the guards in reverse."""
+        return (*self.guards, *self.patterns, *self.guards[::-1])
+
+    @property
+    def own(self) -> range:
+        """Which shots are frames of the capture."""
+        return range(len(self.guards), len(self.guards) + len(self.patterns))
+
+    @property
+    def guard_pairs(self) -> list[tuple[int, int]]:
+        """Shots of the same guard, before and after."""
+        return [(i, len(self.shots) - 1 - i) for i in range(len(self.guards))]
 
 
 @dataclass(frozen=True)

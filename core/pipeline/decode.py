@@ -92,8 +92,8 @@ def decode_images(
     phase = replace(phase, camera=capture.camera, projector=capture.projector)
     if lines is None or not images:
         return phase
-    from core.capture.pixels import gaps_among
-    from core.capture.stored import check_stored
+    from core.verify.pixels import gaps_among
+    from core.verify.stored import check_stored
 
     progress.check()
     told = [Note(finding.text, finding.names) for finding in check_stored(capture, images, phase, lines)]
@@ -137,7 +137,7 @@ def from_phase_maps(
     if len(waiting) < MANY or not can_fork(len(waiting)):
         yield from ((capture, what(capture, phase)) for capture, phase in phase_maps(project, waiting, progress))
         return
-    for name in ("core.decode.absolute", "core.capture.stored", *modules):
+    for name in ("core.decode.absolute", "core.verify.stored", *modules):
         import_module(name)  # once, not by every process
 
     def work(k: int, said: Progress) -> T:

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 import core.atomic
 from core.bench import experiment
 from core.capture.importing import import_frames, natural, sequence_of
-from core.capture.quality import noise_of_one
-from core.capture.recognise import recognise
 from core.cli import main
 from core.decode import decode
 from core.errors import InputError
@@ -28,7 +26,9 @@ from core.patterns import Black, Phase, White, axis_of, brightness, gray_and_pha
 from core.project import create_project, read_capture, read_project
 from core.project.made import FILE as MADE
 from core.project.made import note_made
-from tests.core.capture.test_stored_frames import LINES, render
+from core.verify.quality import noise_of_one
+from core.verify.recognise import recognise
+from tests.core.verify.test_stored_frames import LINES, render
 
 A = Subject("object", "a")
 SIZE = (64, 48)  # of the projector

@@ -115,7 +115,7 @@ def test_the_exposure_advice_aims_at_85_per_cent(top: float, level: str, factor:
 
 @pytest.mark.parametrize(("blur", "level"), [(0.5, "good"), (3.0, "warning")])
 def test_the_focus_is_the_modulation_of_the_finest_stripes(blur: float, level: str) -> None:
-    from core.capture.plan import Plan
+    from core.model import Plan
 
     scene = FlatScene(blur_lines=blur, noise=0.0)
     steps = [Phase("x", 8.0, 4, k, k * np.pi / 2) for k in range(4)]

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.capture.pixels import gaps_among
 from core.checks import grey_concerns, repeated_frames, repeated_planes
 from core.model import Capture, DeviceSpec, Frame, PlaneEvaluation, TargetSet
 from core.patterns import Code, White
+from core.verify.pixels import gaps_among
 
 Images = list[np.ndarray]
 

@@ -16,8 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.algebra import on_own_threads
-from core.capture.contradictions import Looked, unexplained
-from core.capture.lookup import (
+from core.model import Plan
+from core.model.finding import Finding
+from core.numerics import distinct, spaced
+from core.patterns import Axis, Pattern, Phase, axis_of, describe, level_of, use_of
+from core.verify.contradictions import Looked, unexplained
+from core.verify.lookup import (
     CONTRADICTION,
     LEAST,
     Fit,
@@ -29,11 +33,7 @@ from core.capture.lookup import (
     nearest_within,
     some,
 )
-from core.capture.plan import Plan
-from core.capture.quality import LIT, Sampled
-from core.model.finding import Finding
-from core.numerics import distinct, spaced
-from core.patterns import Axis, Pattern, Phase, axis_of, describe, level_of, use_of
+from core.verify.quality import LIT, Sampled
 
 Array = NDArray[np.float32]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import Looked, contradicting, looks
-from core.capture.lookup import nearest_within
-from core.capture.plan import Plan
+from core.model import Plan
 from core.numerics import median_of, normal_equations, quantile_of, spaced
 from core.patterns import Code, level_of
+from core.verify.contradictions import Looked, contradicting, looks
+from core.verify.lookup import nearest_within
 
 Array = NDArray[np.float32]
 

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from core.capture.beside import beside_code
 from core.patterns import Axis, Black, Pattern, Phase, White, gray_and_phase
-from tests.core.capture.test_stored_frames import MIDDLE, Frames, render, told
+from core.verify.beside import beside_code
+from tests.core.verify.test_stored_frames import MIDDLE, Frames, render, told
 
 AXES: tuple[Axis, ...] = ("x", "y")
 

@@ -21,12 +21,9 @@ import numpy as np
 import pytest
 
 from core.bench import experiment
-from core.capture.exchanged import exchanged_frames
 from core.capture.importing import _verified
-from core.capture.plan import Plan
-from core.capture.stored import check_stored
 from core.decode import decode
-from core.model import Capture, Frame, Subject
+from core.model import Capture, Frame, Plan, Subject
 from core.patterns import (
     PRESETS,
     Axis,
@@ -42,6 +39,8 @@ from core.patterns import (
     pattern_image,
     reference_sequence,
 )
+from core.verify.misplaced import exchanged_frames
+from core.verify.stored import check_stored
 
 LINES = (160, 160)
 SHAPE = (180, 240)

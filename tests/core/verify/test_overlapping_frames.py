@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.capture.overlapping import _held
+from core.verify.overlapping import _held
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2, 0.5])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.patterns import reference_sequence
-from tests.core.capture.test_stored_frames import LINES, Frames, render, told
+from tests.core.verify.test_stored_frames import LINES, Frames, render, told
 
 PATTERNS = reference_sequence(*LINES)
 

@@ -17,12 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.algebra import on_own_threads
-from core.capture.beside import beside_code
-from core.capture.contradictions import PIXELS, Looked
-from core.capture.exchanged import exchanged_frames, exchanged_steps, odd_steps, steps_of_periods
-from core.capture.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, too_fine
-from core.capture.overlapping import overlapping
-from core.capture.pixels import (
+from core.model import Capture, PhaseMap, Plan, Subject
+from core.model.finding import Finding
+from core.numerics import median_of, quantile_of, quantiles_in, ranked, spaced
+from core.patterns import Axis, Code, Line, axis_of, level_of
+from core.verify.beside import beside_code
+from core.verify.contradictions import PIXELS, Looked
+from core.verify.misplaced import exchanged_frames, exchanged_steps, odd_steps, steps_of_periods
+from core.verify.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, too_fine
+from core.verify.overlapping import overlapping
+from core.verify.pixels import (
     GRID,
     IRRATIONAL,
     LEAST_LIT,
@@ -35,13 +39,8 @@ from core.capture.pixels import (
     mosaic,
     scattered,
 )
-from core.capture.plan import Plan
-from core.capture.quality import BRIGHT, Sampled, noise_of_one, summarise
-from core.capture.unchanging import unchanging
-from core.model import Capture, PhaseMap, Subject
-from core.model.finding import Finding
-from core.numerics import median_of, quantile_of, quantiles_in, ranked, spaced
-from core.patterns import Axis, Code, Line, axis_of, level_of
+from core.verify.quality import BRIGHT, Sampled, noise_of_one, summarise
+from core.verify.unchanging import unchanging
 
 Array = NDArray[np.float32]
 

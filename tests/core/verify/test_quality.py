@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.capture.plan import Plan
-from core.capture.quality import Sampled, modulation
-from core.model import Subject
+from core.model import Plan, Subject
 from core.patterns import brightness, reference_sequence
+from core.verify.quality import Sampled, modulation
 
 PIXELS = 4000
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from core.capture.identity import identity
-from core.capture.lookup import LeftOut, leave_one_out, weigh_lines
-from core.capture.plan import Plan, guards_for
-from core.capture.quality import Sampled, sample_grid, summarise
+from core.capture.plan import guards_for
 from core.devices import open_camera, open_projector
 from core.devices.scene import FlatScene
-from core.model import Subject
+from core.model import Plan, Subject
 from core.patterns import Code, Phase, axis_of, brightness, describe, parse_sequence, reference_sequence
+from core.verify.identity import identity
+from core.verify.lookup import LeftOut, leave_one_out, weigh_lines
+from core.verify.quality import Sampled, sample_grid, summarise
 
 SCENES = ["testfield-03", "object-step"]
 
@@ -172,7 +172,7 @@ def test_what_nothing_repeats_is_listed_once(monkeypatch: pytest.MonkeyPatch) ->
         left = leave_one_out(*given)  # type: ignore[arg-type]
         return replace(left, judged=[False] * len(left.judged))
 
-    monkeypatch.setattr("core.capture.identity.leave_one_out", unjudged)
+    monkeypatch.setattr("core.verify.identity.leave_one_out", unjudged)
     stack = take("plane%2B15")
     shown = [describe(p) for p in stack.plan.shots]
     texts = [f.text for f in identity(stack.plan, stack.sampled(stack.grey), stack.lines) if "repeats" in f.text]

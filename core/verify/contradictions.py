@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.lookup import dictionary, nearest_within
 from core.lazy import dataclass
 from core.numerics import distinct, spaced
 from core.patterns import Axis, Code, Pattern, Phase, axis_of
+from core.verify.lookup import dictionary, nearest_within
 
 Array = NDArray[np.float32]
 

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from core.capture.lookup import dictionary
 from core.errors import InputError
 from core.lazy import dataclass
 from core.numerics import distinct, polynomial, quantile_of, quantiles, spaced
 from core.patterns import Axis, Code, Pattern, axis_of, brightness, cycle_lines, describe, level_of, use_of
 from core.progress import SILENT, Progress
+from core.verify.lookup import dictionary
 
 Array = NDArray[np.float32]
 Exchanges = list[tuple[int, int]]

@@ -7,9 +7,8 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.plan import Plan
 from core.lazy import dataclass
-from core.model import Array
+from core.model import Array, Plan
 from core.model.finding import Finding, Level
 from core.numerics import cut_off, distinct, quantile_of, quantiles_in, row_median, sigma_about_median
 from core.patterns import cycle_lines, finest_steps, level_of

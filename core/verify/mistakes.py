@@ -11,13 +11,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from core.capture.contradictions import PIXELS, Looked, contradicting, looks, unexplained
-from core.capture.exchanged import exchanged_steps
-from core.capture.lookup import nearest
-from core.capture.plan import Plan
-from core.model import Note
+from core.model import Note, Plan
 from core.numerics import median_of, spaced
 from core.patterns import Code, Pattern, Phase, axis_of, describe
+from core.verify.contradictions import PIXELS, Looked, contradicting, looks, unexplained
+from core.verify.lookup import nearest
+from core.verify.misplaced import exchanged_steps
 
 Array = NDArray[np.float32]
 

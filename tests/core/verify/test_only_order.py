@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from core.capture.proof import prove
 from core.cli import main
 from core.errors import InputError
 from core.model import DeviceSpec, PhaseMap
 from core.patterns import Pattern, parse_sequence, pattern_to_dict
 from core.project import create_project
+from core.verify.proof import prove
 
 SIZE, SHAPE = (64, 48), (96, 128)  # of the projector, columns and rows; of images
 NAN = np.full(SHAPE, np.nan, np.float32)

@@ -1,0 +1,18 @@
+"""Do frames show the patterns that they claim? Told from grey values alone, as frames arrive or of those stored.
+
+identity.py  which pattern a frame shows, told from the images of its capture
+quality.py   saturation, modulation, movement, the lamp
+
+stored.py    a capture that was recorded before, by whatever program, judged as a whole
+pixels.py    ... how its frames were stored: bytes, compression, mosaics, size
+unchanging.py     ... pixels that no frame changes: dead lines, text drawn into frames
+contradictions.py ... the share of pixels that no projector line explains
+mistakes.py       ... and how people describe patterns wrongly, which may explain them
+misplaced.py      ... frames of a code, or phase steps, in each other's place or of another moment
+overlapping.py    ... frames that hold light of the pattern after, or before
+beside.py         ... phases that stand beside the code or run away from it, or from each other, by a little
+lookup.py    what patterns look like on every projector line, and which line fits what a pixel saw
+
+recognise.py which frame shows which pattern, whatever their order
+proof.py     whether that order is the only one
+"""
