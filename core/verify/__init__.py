@@ -8,7 +8,10 @@ pixels.py    ... how its frames were stored: bytes, compression, mosaics, size
 unchanging.py     ... pixels that no frame changes: dead lines, text drawn into frames
 contradictions.py ... the share of pixels that no projector line explains
 mistakes.py       ... and how people describe patterns wrongly, which may explain them
-misplaced.py      ... frames of a code, or phase steps, in each other's place or of another moment
+steps.py          ... phase steps that stand for others: exchanged, twice the same, of another moment
+exchanged.py      ... frames that were exchanged, by the coordinates decoded of them
+surface.py        ... whether these are of a surface, and of the right hand
+between.py        ... what changed between the frames of columns and of rows: the light, the place
 overlapping.py    ... frames that hold light of the pattern after, or before
 beside.py         ... phases that stand beside the code or run away from it, or from each other, by a little
 lookup.py    what patterns look like on every projector line, and which line fits what a pixel saw

@@ -16,7 +16,7 @@ from core.numerics import median_of, spaced
 from core.patterns import Code, Pattern, Phase, axis_of, describe
 from core.verify.contradictions import PIXELS, Looked, contradicting, looks, unexplained
 from core.verify.lookup import nearest
-from core.verify.misplaced import exchanged_steps
+from core.verify.steps import exchanged_steps
 
 Array = NDArray[np.float32]
 

@@ -9,26 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
-from itertools import combinations, permutations
+from itertools import permutations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from core.algebra import on_own_threads
 from core.model import Capture, PhaseMap, Plan, Subject
 from core.model.finding import Finding
-from core.numerics import median_of, quantile_of, quantiles_in, ranked, spaced
+from core.numerics import median_of, quantile_of, quantiles_in, spaced
 from core.patterns import Axis, Code, Line, axis_of, level_of
 from core.verify.beside import beside_code
+from core.verify.between import halves
 from core.verify.contradictions import PIXELS, Looked
-from core.verify.misplaced import exchanged_frames, exchanged_steps, odd_steps, steps_of_periods
+from core.verify.exchanged import exchanged_frames
 from core.verify.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, too_fine
 from core.verify.overlapping import overlapping
 from core.verify.pixels import (
     GRID,
-    IRRATIONAL,
     LEAST_LIT,
     blank,
     bytes_exchanged,
@@ -37,9 +35,10 @@ from core.verify.pixels import (
     edited,
     enlarged,
     mosaic,
-    scattered,
 )
 from core.verify.quality import BRIGHT, Sampled, noise_of_one, summarise
+from core.verify.steps import doubled_steps, exchanged_steps, odd_steps
+from core.verify.surface import hand, planes
 from core.verify.unchanging import unchanging
 
 Array = NDArray[np.float32]
@@ -51,18 +50,7 @@ FEW = 200  # pixels that nearly always show it: half of that where it is 0.15 co
 DARK = 0.01  # of the image that must be lit
 SATURATED = 0.05  # of the lit pixels
 SATURATED_DOTS = 0.25  # of the bright pixels, on a board
-OFF_PLANE = 0.35  # share of the pixels that no projective map holds
-PLANE_LINES = 3.0
-LEAST_OF_PLANE = 0.3  # share of the pixels by which a plane is found
-DRAWS = (60, 300, 300, 300)  # of five pixels: for the only plane, and for those that may be lit behind a board
-WRONG_HAND = 0.5
-MOVED_PX = 0.5
-UNLIKE = 0.7  # of the difference that putting back what moved leaves; of bare boards at rest 0.79 and more, by 300
-MOVED_RESPONSE = 0.45  # of the correlation's peak: bare boards show 0.35 by chance, what moved 0.55 and more
-DRIFT = 0.15
 SPARSE = 0.7  # of the grey values that a black frame takes which reaches over all: noise alone, spread, takes fewer
-ALL_ROUND = 0.3  # mean of phases as unit vectors: some periods are seen
-DOUBLED, FAR, THIN = 0.03, 0.05, 8000  # of squared differences, those that are none; 1 - cos of shifts apart; pixels
 LONGER, DARKER = 1.2, 0.9  # exposures that differ, and light that contradicts them
 
 
@@ -97,15 +85,15 @@ def check_stored(
         checks = {f.check for f in found}
         if "light" not in checks:
             most = SHARE * (1 + ("saturation" in checks))
-            found += edited(_doubled(plan, images, sampled) or _contradictions(plan, sampled, lines, most), images)
-        found += _halves(plan, images)
+            found += edited(doubled_steps(plan, images, sampled) or _contradictions(plan, sampled, lines, most), images)
+        found += halves(plan, images)
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
         maps: list[tuple[Axis, NDArray, str]] = [("x", phase.u, "columns"), ("y", phase.v, "rows")]
         if jumping := exchanged_frames(patterns, maps):
             found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
         if jumping or not bad:
-            found += [*_hand(phase), *(jumping or (_planes(capture, phase) if capture.role != "object" else []))]
+            found += [*hand(phase), *(jumping or (planes(capture, phase) if capture.role != "object" else []))]
         if not jumping and not bad:
             own = [k for k, f in enumerate(capture.frames) if f.exposure_ms == (exposures[0] if exposures else None)]
             found += beside_code([patterns[k] for k in own], [images[k] for k in own], maps, lines)
@@ -243,167 +231,3 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
     steps = plan.shots, sampled.grey, sampled.lit, sampled.full
     return found or exchanged_steps(*steps) or odd_steps(*steps)
-
-
-def _doubled(plan: Plan, images: Sequence[NDArray], sampled: Sampled) -> list[Finding]:
-    """Find steps that differ by hardly more than noise, where others of their period differ as their shifts say.
-
-    Where one is saturated its neighbour may be, too, and they are alike.
-    """
-    # a grid may beat with the lines
-    row, column = (scattered(n, THIN, factor) for n, factor in zip(images[0].shape, IRRATIONAL, strict=True))
-    at = row * images[0].shape[1] + column
-    for _, own, shifts in (period for period in steps_of_periods(plan.shots) if len(period[1]) >= 3):
-        grey = np.array([images[k].ravel()[at] for k in own], np.float64)
-        swing = np.ptp(grey, axis=0)
-        striped = swing > max(BRIGHT * quantile_of(swing, 0.97), 5 * sampled.noise)
-        grey = grey[:, striped & (grey.max(axis=0) < sampled.full)]
-        wave = np.array([1, 1j]) @ (np.stack([np.cos(shifts), np.sin(shifts)]) @ (grey - grey.mean(axis=0)))
-        if grey.shape[1] < LEAST_LIT or abs(np.mean(wave / np.maximum(np.abs(wave), 1e-9))) > ALL_ROUND:
-            continue  # less than a period is seen
-        pairs = [(i, k, 1 - np.cos(shifts[i] - shifts[k])) for i, k in combinations(range(len(own)), 2)]
-        if not (pairs := [pair for pair in pairs if pair[2] > FAR]):
-            continue
-        squares = [float(np.dot(away := grey[i] - grey[k], away)) / len(away) for i, k, _ in pairs]
-        ratios = [square / meant for square, (*_, meant) in zip(squares, pairs, strict=True)]
-        at_least = int(np.argmin(ratios))
-        least, usual = ratios[at_least], median_of(ratios)
-        if least < DOUBLED * usual and squares[at_least] < DOUBLED * median_of(squares):
-            first, second = (own[n] for n in pairs[at_least][:2])
-            text = (
-                f"frames {first} and {second} show the same stripes: they differ by {(least / usual) ** 0.5:.0%} of "
-                "what their shifts make; one stands for the other, or the projector did not change: record it again"
-            )
-            return [Finding("identity", "bad", text, shots=(first, second), names="value")]
-    return []
-
-
-def _hand(phase: PhaseMap) -> list[Finding]:
-    """Camera and projector see a surface from the same side: their images of it are never mirror images."""
-    d = max(3, min(phase.u.shape) // 80)
-    thin = max(1, d // 3)
-
-    def slopes(values: NDArray) -> tuple[NDArray, NDArray]:
-        corner = values[:-d:thin, :-d:thin]
-        return values[:-d:thin, d::thin] - corner, values[d::thin, :-d:thin] - corner
-
-    (ux, uy), (vx, vy) = slopes(phase.u), slopes(phase.v)
-    det = ux * vy - uy * vx
-    det = det[np.isfinite(det)]
-    if len(det) < LEAST_LIT // 3:
-        return []
-    share = float(np.mean(det < 0))
-    if share <= WRONG_HAND + 0.2:
-        return []
-    text = (
-        "columns and rows of the projector are exchanged, or one of them is reversed: the camera's image is mirrored "
-        "against the projector's; correct axis in the patterns, or mirror the frames back"
-    )
-    return [Finding("axes", "bad", text, {"mirrored": share}, names="mistake")]
-
-
-def _planes(capture: Capture, phase: PhaseMap) -> list[Finding]:
-    """On a plane each projector coordinate is a projective function of the camera's; few planes may be lit.
-
-    Pieces of a mistaken binary code may look like planes, those of a Gray code are told by their jumps.
-    """
-    binary = {f.pattern.axis for f in capture.frames if isinstance(f.pattern, Code) and f.pattern.kind == "binary"}
-    found = []
-    for axis, values, along in (("x", phase.u, "columns"), ("y", phase.v, "rows")):
-        valid = np.flatnonzero(np.isfinite(values))
-        if len(valid) < 2000:
-            continue
-        chosen = valid[scattered(len(valid), 600)]
-        y, x = np.divmod(chosen, values.shape[1])
-        lines = values.ravel()[chosen].astype(np.float64)
-        limit = max(PLANE_LINES, 0.02 * (quantile_of(lines, 0.95) - quantile_of(lines, 0.05)))
-        off = np.ones(len(lines), bool)
-        for draws in DRAWS[:1] if axis in binary else DRAWS:
-            if off.mean() > OFF_PLANE:
-                at = x[off] / values.shape[1], y[off] / values.shape[1]
-                off[off] = _off_projective(*at, lines[off], draws) > limit
-        share = float(off.mean())
-        if share > OFF_PLANE:
-            text = (
-                f"{along} do not rise steadily over the plane ({share:.0%} of the pixels are off): code frames were "
-                "exchanged, or cell, bits or period of the patterns are wrong"
-            )
-            found.append(Finding("order", "bad", text, {f"off_{axis}": share}, names="mistake"))
-    return found
-
-
-def _off_projective(x: NDArray, y: NDArray, u: NDArray, count: int) -> NDArray:
-    """Distances in lines from the projective function that the most pixels agree on."""
-    one = np.ones_like(x)
-    A = np.stack([one, x, y, -u * x, -u * y], axis=1)
-    draws = scattered(len(u), 5 * count).reshape(count, 5)
-    try:
-        p = np.linalg.solve(A[draws], u[draws][..., None])[..., 0]
-    except np.linalg.LinAlgError:  # five on one line
-        p = (np.linalg.pinv(A[draws]) @ u[draws][..., None])[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.abs(p[:, :3] @ A[:, :3].T / (1 + p[:, 3:] @ A[:, 1:3].T) - u)
-    off = np.nan_to_num(off, nan=np.inf)
-    best = off[np.argmin(ranked(off, LEAST_OF_PLANE))]
-    for _ in range(3):  # least squares over those that agree, for distortion bends the map a little
-        near = best <= max(4.0 * float(ranked(best, LEAST_OF_PLANE)), 0.5)
-        A = np.stack([one, x, y, -u * x, -u * y, x * x, x * y, y * y], axis=1)
-        p, *_ = np.linalg.lstsq(A[near], u[near], rcond=None)
-        curved = p[0] + p[1] * x + p[2] * y + p[5] * x * x + p[6] * x * y + p[7] * y * y
-        best = np.minimum(best, np.abs(curved / (1 + p[3] * x + p[4] * y) - u))
-    return best
-
-
-def _halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
-    """The steps of each axis add up to an evenly lit image: compare these, taken at different times."""
-    even = []
-    for axis in ("x", "y"):
-        steps = [i for i, p in enumerate(plan.shots) if axis_of(p) == axis and hasattr(p, "steps")]
-        if not steps:
-            continue
-        first = plan.shots[steps[0]]
-        same = [i for i in steps if getattr(plan.shots[i], "period", 0) == getattr(first, "period", 0)]
-        if len(same) == getattr(first, "steps", 0) >= 4:
-            even.append(_mean([images[i] for i in same]))
-    if len(even) < 2:
-        return []
-    side = int(np.clip(min(even[0].shape) // 64 * 64, 64, 512))  # OpenCV is half a pixel off at odd sizes
-    a, b = (np.asarray(cv2.resize(e, (side, side), interpolation=cv2.INTER_AREA), np.float32) for e in even)
-    few = [each.ravel()[::17] for each in (a, b)]  # which meets every column
-    lit = few[0] > 0.1 * quantile_of(a[::4, ::4], 0.98)
-    gain = median_of(few[1][lit]) / max(median_of(few[0][lit]), 1e-9)
-    if abs(gain - 1) > DRIFT:
-        text = f"the light changed by {gain - 1:+.0%} between the steps of columns and of rows: warm the lamp up"
-        return [Finding("lamp", "warning", text, {"drift": gain - 1})]
-    one, other, window = _texture(a), _texture(b), _window(side)
-    shift, response = cv2.phaseCorrelate(one, other, window)
-    moved = float(np.hypot(*np.multiply(shift, images[0].shape[::-1]))) / side
-    if moved <= MOVED_PX or response <= MOVED_RESPONSE:
-        return []
-    back = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
-    beside = cv2.warpAffine(other, back, (side, side), borderMode=cv2.BORDER_REPLICATE)
-    if np.sum(window * (one - beside) ** 2) < UNLIKE * np.sum(window * (one - other) ** 2):
-        text = f"the scene moved by {moved:.1f} px between the frames of columns and of rows: fasten all, record again"
-        return [Finding("movement", "bad", text, {"shift_px": moved, "response": float(response)})]
-    return []
-
-
-@cache
-def _window(side: int) -> Array:
-    """Let an image fade out to its edges."""
-    return np.asarray(cv2.createHanningWindow((side, side), cv2.CV_32F), np.float32)
-
-
-def _texture(image: Array) -> Array:
-    """What stands out of the light, over the light."""
-    light = cv2.blur(cv2.blur(image, (15, 15)), (15, 15)) + 0.05 * float(image.max()) + 1e-6
-    return np.asarray(np.clip((image - light) / light, -0.5, 0.5), np.float32)
-
-
-def _mean(images: Sequence[NDArray]) -> Array:
-    thin = max(1, min(images[0].shape) // 500)
-    short = images[0].dtype == np.uint8 and len(images) <= 257  # whose sums 16 bits hold
-    summed = images[0][::thin, ::thin].astype(np.uint16 if short else np.float32)
-    for image in images[1:]:
-        np.add(summed, image[::thin, ::thin], out=summed)
-    return summed.astype(np.float32) / np.float32(len(images))

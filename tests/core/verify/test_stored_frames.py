@@ -39,7 +39,7 @@ from core.patterns import (
     pattern_image,
     reference_sequence,
 )
-from core.verify.misplaced import exchanged_frames
+from core.verify.exchanged import exchanged_frames
 from core.verify.stored import check_stored
 
 LINES = (160, 160)

@@ -1,0 +1,109 @@
+"""Frames that were exchanged, told by the coordinates decoded of them, on objects of any form.
+
+From one cell of a Gray code to the next one bit changes. If it stands for another, the coordinate jumps to a far cell
+whose word differs by one bit, all along that line; steps of depth join any words. Steps of square waves may be
+exchanged so that every cell keeps its word: then the coordinate runs backwards in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.model.finding import Finding
+from core.numerics import median_of
+from core.patterns import Axis, Code, Pattern, Phase
+
+Map = NDArray[np.floating]
+
+ROWS = 300  # of a map that are looked at, at most
+THIN = 5  # one pixel of so many tells a median
+APART = 2  # px between the pixels that are compared: the one on the edge may be invalid
+LEAST = 12  # transitions by which a cell is judged
+FEWEST = 8  # cells that tell something
+ODD, ODD_CELLS = 0.03, 3  # of the cells may be left by jumps; bits that hardly matter make 0.06, sound captures none
+# cells, least, meant and most, by which the coordinate rises where its way in a cell is looked at
+STEADY = 1.5, 2.5, 4.0
+SURE_LINES = 0.15  # a smaller step in a cell is noise
+LEAST_REACH = 3  # pixels over which a coordinate rises
+PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exchanged steps 0.9
+
+
+def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map, str]]) -> list[Finding]:
+    """Find frames that stand for each other; `maps` are decoded coordinates (H, W) and what they count."""
+    found = []
+    for axis, values, along in maps:
+        codes = [p for p in patterns if isinstance(p, Code) and p.axis == axis]
+        if len({(p.cell, p.kind) for p in codes}) != 1:
+            continue
+        cell, stepped = codes[0].cell, any(isinstance(p, Phase) and p.axis == axis for p in patterns)
+        ways = _both_ways(values, cell)
+        share = _odd_cells(ways, cell) if codes[0].kind == "gray" else 0.0
+        if share > ODD:
+            text = f"{along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
+            found.append(Finding("order", "bad", text, {"odd": share}, names="mistake"))
+        elif stepped and (share := _backwards(ways, cell)) > BACKWARDS:
+            text = f"{along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
+            found.append(Finding("order", "bad", text, {"backwards": share}, names="mistake"))
+    return found
+
+
+def _both_ways(values: Map, cell: int) -> list[tuple[Map, Map]]:
+    """Some rows of a map, and some columns as rows, and the code's cells they lie in."""
+    ways = [np.ascontiguousarray(some[:: -(-len(some) // ROWS)]) for some in (values, values.T)]
+    return [(some, np.floor((some + 0.5) / cell)) for some in ways]  # a tenth of the time of some // cell
+
+
+def _usual(steps: Map) -> float:
+    """The median of some steps' sizes; 0 without any."""
+    some = np.abs(steps[:, ::THIN])
+    some = some[np.isfinite(some)]
+    return median_of(some) if len(some) else 0.0
+
+
+def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
+    """Share of the cells that are left by jumps to a word of one other bit more often than not."""
+    jumps = np.zeros(0, np.int64)
+    for image, those in ways:
+        away = image[:, APART:] - image[:, :-APART]
+        far = np.abs(away) > cell + 4 * _usual(away)  # which NaN is not
+        first, second = (np.maximum(each[far], 0).astype(np.int64) for each in (those[:, :-APART], those[:, APART:]))
+        word = (first ^ first >> 1) ^ (second ^ second >> 1)
+        jumps = np.append(jumps, first[word & (word - 1) == 0])
+    if len(jumps) <= ODD_CELLS * LEAST / 2:
+        return 0.0  # as of sound captures: too few for so many cells
+    pairs = [(those[:, :-APART], those[:, APART:]) for _, those in ways]
+    left = np.concatenate([a[(a != b) & np.isfinite(a) & np.isfinite(b)] for a, b in pairs])
+    count = np.bincount(np.maximum(left, 0).astype(np.int64))
+    odd = np.bincount(jumps, minlength=len(count)) > 0.5 * count
+    judged = count >= LEAST
+    number = int(np.count_nonzero(odd & judged))
+    return number / int(judged.sum()) if number >= ODD_CELLS and judged.sum() >= FEWEST else 0.0
+
+
+def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
+    """Share of neighbours in a cell between which the coordinate falls where it rises over some cells, or reverse."""
+    seen = []
+    for image, those in ways:
+        step = np.diff(image)
+        usual = _usual(step)
+        if usual > 0 and image.shape[1] >= 3 * LEAST_REACH:
+            reach = int(np.clip(round(STEADY[1] * cell / usual), LEAST_REACH, image.shape[1] // 3))
+            rise = image[:, reach:] - image[:, :-reach]
+            seen.append((step[:, : rise.shape[1]], rise, those[:, :-reach] == those[:, 1 : 1 - reach]))
+
+    def told(step: Map, rise: Map, inside: NDArray[np.bool_]) -> int:
+        size = np.abs(rise)
+        use = inside & (size > STEADY[0] * cell) & (size < STEADY[2] * cell) & (np.abs(step) > SURE_LINES)
+        return int(np.count_nonzero(use))
+
+    against = 0
+    for step, rise, inside in seen:
+        falls = step * rise < 0
+        against += told(step[falls], rise[falls], inside[falls])
+    if against <= BACKWARDS * PAIRS:
+        return 0.0  # as of sound captures, without a look at all pixels
+    count = sum(told(*each) for each in seen)
+    return against / count if count >= PAIRS else 0.0
