@@ -253,7 +253,7 @@ def test_waiting_for_a_line_to_come_back_is_cancelled_within_half_a_second() -> 
 @pytest.mark.parametrize("fault", LINK_FAULTS)
 @pytest.mark.parametrize("at", [9])
 def test_every_fault_at_a_command_is_overcome_in_bounded_time(profile: str, fault: str, at: int) -> None:
-    url = f"emulated:flat?profile={profile}&settle_ms=0&answer_ms=20&faults={fault}@{at}&fault_seed={at}"
+    url = f"emulated:flat?profile={profile}&settle_ms=0&answer_ms=60&faults={fault}@{at}&fault_seed={at}"
     camera = open_camera("virtual:flat")
     start = time.monotonic()
     projector = open_projector(url)
@@ -268,7 +268,7 @@ def test_every_fault_at_a_command_is_overcome_in_bounded_time(profile: str, faul
 
 def test_a_step_whose_answer_is_lost_is_not_made_twice() -> None:
     # commands: 0 identify, 1 lamp, 2 to 5 load, 6 query, 7 rewind, 8 step
-    projector = open_projector("emulated:flat?profile=stripe-frames&settle_ms=0&answer_ms=20&faults=no-answer@8")
+    projector = open_projector("emulated:flat?profile=stripe-frames&settle_ms=0&answer_ms=60&faults=no-answer@8")
     camera = open_camera("virtual:flat")
     projector.load([Black(), White(), Black(), Black()])
     projector.step(1)
