@@ -23,7 +23,7 @@ from core.decode.sample import full_scale, smoothest
 from core.decode.tables import Array, Singles
 from core.errors import InputError
 from core.numerics import quantum, sigma_by_median
-from core.patterns import Axis, Pattern, axis_of, brightness, cycle_lines, use_of
+from core.patterns import Axis, Pattern, axis_of, brightness, cycle_lines, level_of, use_of
 
 DEEPEST = 65535
 FINEST = 16  # steps that one grey value is divided into
@@ -45,8 +45,8 @@ class Fused(NamedTuple):
 
     `images` are uint16, of `steps` to a grey value of the longest exposure, less than one where the others see beyond
     16 bits of them; where all samples are saturated 65535. An exposure's grey values are ``ground + gain light`` up to
-    `full`, its gain 1 for the longest; `gains` are those that most patterns have. `raw` is their noise, None where no
-    pattern was taken twice.
+    `full`, its gain 1 for the longest; `gains` are those that most phase steps have, without these most patterns. `raw`
+    is their noise, None where no pattern was taken twice.
     """
 
     patterns: list[Pattern]
@@ -139,9 +139,21 @@ def fuse_exposures(
             weights += weight * gain
         seen = np.divide(total, weights, out=np.full_like(total, np.inf), where=weights > 0) + np.float32(ground)
         fused.append(np.clip(np.rint(seen * steps), 0, DEEPEST).astype(np.uint16))
-    usual = Counter(tuple(sorted({own[n] for n in numbers})) for numbers in groups.values()).most_common(1)[0][0]
+    _dim_white(list(groups), fused)
+    telling = [numbers for pattern, numbers in groups.items() if use_of(pattern) == "phase"] or [*groups.values()]
+    usual = Counter(tuple(sorted({own[n] for n in numbers})) for numbers in telling).most_common(1)[0][0]
     mine, told = tuple(gains[list(usual)].tolist()), tuple(_other(own, classes, light))
     return Fused(list(groups), fused, steps, ground, mine, full, raw, told)
+
+
+def _dim_white(patterns: Sequence[Pattern], fused: list[Image]) -> None:
+    """Make white where all its samples are saturated as bright as the brightest of the others, seen shorter."""
+    for n in [n for n, pattern in enumerate(patterns) if level_of(pattern) == 1]:
+        others = [image for image, pattern in zip(fused, patterns, strict=True) if level_of(pattern) is None]
+        if others and (over := fused[n] == DEEPEST).any():
+            seen = np.array([image[over] for image in others])
+            seen[(seen == DEEPEST) & (seen < DEEPEST).any(axis=0)] = 0  # what is saturated does not tell
+            fused[n][over] = seen.max(axis=0)
 
 
 def _check_alike(

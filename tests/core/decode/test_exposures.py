@@ -42,6 +42,25 @@ def test_all_albedos_decode_where_each_exposure_alone_loses_some(bench, judge) -
         assert judge(decode(PATTERNS, images[mine], lines=(N, N)), b.u, 8).valid < fused.valid - 0.1
 
 
+PARTS = {  # which uses of patterns are taken with which exposure alone
+    "white long": {"level": 20.0},
+    "code long, phases short": {"code": 20.0, "phase": 4.0},
+    "code short, white long": {"code": 4.0, "level": 20.0},
+}
+
+
+@pytest.mark.parametrize("alone", list(PARTS.values()), ids=list(PARTS))
+def test_patterns_of_some_exposures_alone_leave_no_wrong_order_nor_sigma(bench, judge, alone) -> None:
+    """White saturated in its only exposure made every bit dark that a shorter one shows."""
+    b, *every = exposed(bench)
+    kept = [(p, image, ms) for p, image, ms in zip(*every, strict=True) if alone.get(use_of(p), ms) == ms]
+    patterns, images, exposures = (list(column) for column in zip(*kept, strict=True))
+    found = judge(decode(patterns, images, lines=(N, N), exposures_ms=exposures), b.u, 8)
+    assert found.gross == 0
+    assert found.valid > 0.7
+    assert 0.93 < found.sigma_ratio < 1.07
+
+
 @pytest.mark.parametrize("patterns", [PATTERNS, PAPER], ids=["sine", "square"])
 @pytest.mark.parametrize(
     ("bits", "times"), [(8, (20.0, 2.5)), (12, (20.0, 2.5)), (16, (20.0, 2.5)), (8, (20.0, 10.0, 5.0, 2.5))]
