@@ -12,37 +12,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.algebra import on_own_threads
-from core.decode.agreement import contradiction, refuse_open_orders, widen
-from core.decode.camera import TONE, unbend
 from core.decode.chosen import spread
 from core.decode.codes import codes_alone, refine_codes
 from core.decode.compressed import COMPRESSED, roughness
-from core.decode.curves import LEVELS
-from core.decode.detours import bent_by, second_light
 from core.decode.edges import sigma_of_edges
 from core.decode.estimate import Planes, estimable, refine
-from core.decode.evenness import level_out
 from core.decode.exposures import DEEPEST, fuse_exposures
 from core.decode.filtered import filtered
-from core.decode.folded import take_waves_out
-from core.decode.footprint import draw_back
 from core.decode.frames import Image, check_images
-from core.decode.islands import drop_islands, farthest
-from core.decode.kernel import decode_pixels, scratch_for
+from core.decode.kernels.kernel import decode_pixels, scratch_for
 from core.decode.known import AXES, Prepared, Seen, measure, prepare
 from core.decode.late import late_frames
-from core.decode.likelihood import decode_words, has_words
-from core.decode.mixed import doubt_mixtures, drop_rim, drop_vague
-from core.decode.mosaic import take_kinds_out
-from core.decode.neighbours import ask_neighbours
 from core.decode.noise import Noise
 from core.decode.notes import MUCH, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.overexposed import relight
-from core.decode.repeated import drop_repeated
-from core.decode.ripple import take_ripple_out
 from core.decode.sections import decode_sections, section_scratch
+from core.decode.surface.agreement import contradiction, refuse_open_orders, widen
+from core.decode.surface.detours import bent_by, second_light
+from core.decode.surface.footprint import draw_back
+from core.decode.surface.islands import drop_islands, farthest
+from core.decode.surface.mixed import doubt_mixtures, drop_rim, drop_vague
+from core.decode.surface.neighbours import ask_neighbours
+from core.decode.surface.repeated import drop_repeated
 from core.decode.tables import CODE, NOTHING, PHASES, SWEEP, Limits, Singles
+from core.decode.waves.camera import TONE, unbend
+from core.decode.waves.curves import LEVELS
+from core.decode.waves.evenness import level_out
+from core.decode.waves.folded import take_waves_out
+from core.decode.waves.mosaic import take_kinds_out
+from core.decode.waves.ripple import take_ripple_out
+from core.decode.words.likelihood import decode_words, has_words
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import PhaseMap

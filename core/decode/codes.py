@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.agreement import widen
-from core.decode.book import FEWEST
 from core.decode.compressed import APART, roughness
 from core.decode.frames import Image
-from core.decode.likelihood import decode_words
-from core.decode.mixed import doubt_mixtures
 from core.decode.options import DecodeOptions, Flag
+from core.decode.surface.agreement import widen
+from core.decode.surface.mixed import doubt_mixtures
 from core.decode.tables import CODE, AxisTable, Singles
+from core.decode.words.book import FEWEST
+from core.decode.words.likelihood import decode_words
 from core.model import PhaseMap
 from core.patterns import Axis, Code, Lines, Pattern, axis_of, brightness
 from core.progress import Progress

@@ -13,12 +13,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.curves import light_at
 from core.decode.frames import AxisFrames, Image, SortedFrames
 from core.decode.noise import TINY
 from core.decode.refined import PAD, PER_LINE, SUMS, TILE, AxisModel, Light, blur_costs, refine_pixels, rows_for
-from core.decode.response import Response
 from core.decode.tables import Array, AxisTable, Limits, Singles
+from core.decode.waves.curves import light_at
+from core.decode.waves.response import Response
 from core.lazy import dataclass
 from core.parallel import run_in_bands
 from core.patterns import Pattern, brightness, grey_reason

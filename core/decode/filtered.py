@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Image
-from core.decode.response import Wave
 from core.decode.tables import Array, Singles
+from core.decode.waves.response import Wave
 from core.model import Note
 from core.numerics import median_of, quantiles, quantum
 

@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 
 from core.decode.balance import balance
 from core.decode.chosen import in_steady_light, of_lit, take_sample
-from core.decode.fitting import estimate_response
 from core.decode.flicker import steady
 from core.decode.frames import Image, SortedFrames, sort_frames
-from core.decode.harmonics import SquareWave, measure_bend, square_waves
 from core.decode.noise import Noise, contrasts
 from core.decode.options import DecodeOptions
 from core.decode.plan import plan_axis
-from core.decode.response import Response, Wave, shade, straighten, waves_of
 from core.decode.sample import (
     bent_squares,
     check_duplicates,
@@ -29,6 +26,9 @@ from core.decode.sample import (
 )
 from core.decode.sections import measure_ripple
 from core.decode.tables import Array, AxisTable, Limits, Rows, Singles, axis_table, image_row, make_rows, no_axis
+from core.decode.waves.fitting import estimate_response
+from core.decode.waves.harmonics import SquareWave, measure_bend, square_waves
+from core.decode.waves.response import Response, Wave, shade, straighten, waves_of
 from core.errors import InputError
 from core.lazy import dataclass
 from core.patterns import Axis, Pattern
@@ -86,7 +86,7 @@ class Seen(NamedTuple):
     response: Response | None
     light: Array | None
     sample: Singles
-    camera: Array | None  # its curve, see `core.decode.camera`
+    camera: Array | None  # its curve, see `core.decode.waves.camera`
 
 
 def measure(

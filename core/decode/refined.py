@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import njit
-from core.decode.compiled import HALF, INT, ONE, TINY, F, grey_at, narrow, part, single, wide
+from core.decode.kernels.compiled import HALF, INT, ONE, TINY, F, grey_at, narrow, part, single, wide
 from core.decode.tables import Shorts, Singles
 
 PER_LINE = 16  # places of a line in the tables

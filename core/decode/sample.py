@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from core.decode.chosen import BRIGHT, SAMPLE, in_steady_light, of_all_rows, places_of, spread, take_sample
 from core.decode.frames import Image, LineFrames, Numbers, SortedFrames
+from core.decode.kernels.words import BLURRED
 from core.decode.noise import (
     LEAST,
     MEDIAN_OF_SQUARE,
@@ -20,9 +21,8 @@ from core.decode.noise import (
     without_harmonics,
 )
 from core.decode.options import DecodeOptions
-from core.decode.response import Wave
 from core.decode.tables import Array, AxisTable, Limits, Singles, image_row, lifted, sums_of
-from core.decode.words import BLURRED
+from core.decode.waves.response import Wave
 from core.errors import InputError
 from core.numerics import cut_off, quantile_of, quantum
 from core.parallel import run_in_bands

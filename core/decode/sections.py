@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import fast, load, part
 from core.decode.frames import AxisFrames
+from core.decode.kernels.compiled import fast, load, part
 from core.decode.noise import Noise
 from core.decode.options import Flag
 from core.decode.tables import TAIL as TAIL_PART

@@ -95,7 +95,7 @@ def test_a_kernel_is_compiled_anew_when_what_it_calls_changes(run: Callable[...,
 
 
 def test_every_process_gives_a_kernel_the_same_name() -> None:
-    code = "from core.decode import kernel; print(kernel.decode_pixels.made_from)"
+    code = "from core.decode.kernels import kernel; print(kernel.decode_pixels.made_from)"
     names = set()
     for seed in ("1", "2"):
         environment = {**os.environ, "PYTHONHASHSEED": seed}

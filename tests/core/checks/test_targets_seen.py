@@ -12,8 +12,8 @@ import pytest
 
 from core.checks.captures import size_concerns
 from core.checks.plates import intersect_targets
-from core.decode.camera import TONE
 from core.decode.compressed import COMPRESSED
+from core.decode.waves.camera import TONE
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_axis_angle, pair_of, project
 from core.model import AdjustedDevice, Capture, DeviceSpec, Interior, MissingTarget, TargetSet, Testfield

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from core.decode import Flag, decode
-from core.decode.agreement import TILES
+from core.decode.surface.agreement import TILES
 from core.patterns import Pattern, Phase, gray_and_phase
 from tests.core.decode.conftest import Bench, field
 

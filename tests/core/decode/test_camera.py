@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import DecodeOptions
-from core.decode.camera import TERMS, bend, rises, unbend
+from core.decode.waves.camera import TERMS, bend, rises, unbend
 
 
 @pytest.mark.parametrize("full", [255.0, 4095.0, 65535.0])

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from core.decode import DecodeOptions, decode
-from core.decode.compiled import angle, fast
 from core.decode.frames import sort_frames
-from core.decode.kernel import scratch_for
+from core.decode.kernels.compiled import angle, fast
+from core.decode.kernels.kernel import scratch_for
+from core.decode.kernels.words import read_bits
 from core.decode.known import prepare
 from core.decode.noise import Noise
 from core.decode.plan import plan_axis, safest_steps
 from core.decode.sample import limits_of
 from core.decode.tables import fit_phase
-from core.decode.words import read_bits
 from core.patterns import Black, Phase, White, brightness, gray_and_phase
 
 

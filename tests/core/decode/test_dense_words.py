@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from core.decode import Flag, decode
-from core.decode.book import BLURS, book_of
+from core.decode.words.book import BLURS, book_of
 from core.errors import InputError
 from core.patterns import Black, Level, Lines, White, gray_and_phase, parse_sequence
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.special import erf
 
 from core.decode import decode
-from core.decode.moved import _evenly, _fitted
 from core.decode.pairs import TILES
+from core.decode.surface.moved import _evenly, _fitted
 from core.patterns import Black, Code, Pattern, White, gray_and_phase
 from tests.core.decode.conftest import Bench, field
 

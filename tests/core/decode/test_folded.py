@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from core.decode import decode
-from core.decode.folded import find_waves, take_waves_out
+from core.decode.waves.folded import find_waves, take_waves_out
 from core.patterns import Black, White, brightness, gray_and_phase
 
 LINES = 512

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.decode import Flag, decode
-from core.decode.islands import drop_islands
+from core.decode.surface.islands import drop_islands
 from core.patterns import SequenceSpec
 from tests.core.decode.conftest import Bench
 

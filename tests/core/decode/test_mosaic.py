@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from core.decode import decode
-from core.decode.mosaic import take_kinds_out
+from core.decode.waves.mosaic import take_kinds_out
 from core.patterns import Pattern, brightness, gray_and_phase
 
 LINES, FINE = 512, 8  # lines, and steps a line

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from core.decode.moved import moved_edges
 from core.decode.pairs import TILES
+from core.decode.surface.moved import moved_edges
 
 SIDE = 5 * TILES
 TABLE = SimpleNamespace(sign=np.ones(7), cell=8, gray=True, fading=np.ones(7), period=np.array([16.0]))

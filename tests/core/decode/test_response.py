@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from core.decode import decode
-from core.decode.camera import TONE
+from core.decode.waves.camera import TONE
 from core.model import PhaseMap
 from core.patterns import Black, Pattern, Phase, White, brightness, gray_and_phase
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from core.decode import decode
-from core.decode.ripple import take_ripple_out
+from core.decode.waves.ripple import take_ripple_out
 from core.patterns import gray_and_phase
 
 N = 640

@@ -10,9 +10,9 @@ from scipy.special import erf
 
 from core.decode import decode
 from core.decode.chosen import of_lit, take_sample
-from core.decode.harmonics import measure_bend
 from core.decode.known import prepare
 from core.decode.noise import Noise
+from core.decode.waves.harmonics import measure_bend
 from core.patterns import Black, White, brightness, gray_and_phase, parse_sequence
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from core.decode import Flag, decode
-from core.decode.islands import drop_islands
+from core.decode.surface.islands import drop_islands
 from core.patterns import Black, SequenceSpec, White, brightness, gray_and_phase
 
 LINES, SHAPE = (256, 192), (240, 320)

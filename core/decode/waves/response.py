@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.curves import HIGHEST, LEVELS, PARAMETERS, both_sides, dimming, light_of, waves
 from core.decode.frames import PhaseFrames, SortedFrames
-from core.decode.harmonics import GRID, STRAIGHT, bend_of, correction
 from core.decode.tables import AxisTable, Singles
+from core.decode.waves.curves import HIGHEST, LEVELS, PARAMETERS, both_sides, dimming, light_of, waves
+from core.decode.waves.harmonics import GRID, STRAIGHT, bend_of, correction
 from core.lazy import dataclass
 from core.model import Array
 from core.patterns import Axis, grey_reason
@@ -60,7 +60,7 @@ class Response:
 
     @cached_property
     def table(self) -> Array:
-        """Light at the levels `core.decode.curves.LEVELS`."""
+        """Light at the levels `core.decode.waves.curves.LEVELS`."""
         return light_of(self.values[:PARAMETERS])
 
     @property

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import (
+from core.decode.kernels.compiled import (
     HALF,
     INT,
     NONE,

@@ -16,17 +16,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.book import BLURS, Book, Found, Shelf, adjust, book_of
 from core.decode.chosen import spread, take_sample
-from core.decode.footprint import draw_back
 from core.decode.frames import Image
-from core.decode.islands import drop_islands
 from core.decode.noise import TINY, Noise
 from core.decode.notes import MUCH, ODD_WORDS, SECOND_OF_WORDS, TELLING, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.sample import full_scale, limits_of
-from core.decode.shown import Shown, measure_words
+from core.decode.surface.footprint import draw_back
+from core.decode.surface.islands import drop_islands
 from core.decode.tables import WORDS, Singles, make_rows, no_axis
+from core.decode.words.book import BLURS, Book, Found, Shelf, adjust, book_of
+from core.decode.words.shown import Shown, measure_words
 from core.model import PhaseMap
 from core.parallel import run_in_bands
 from core.patterns import Axis, Pattern, axis_of, use_of

@@ -14,7 +14,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from core.decode.compiled import HALF, F, fast, part
+from core.decode.kernels.compiled import HALF, F, fast, part
 from core.decode.options import Flag, invalidate
 from core.decode.tables import Singles
 from core.numerics import median_of

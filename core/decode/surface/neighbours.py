@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.agreement import decoded_at
-from core.decode.compiled import HALF, ONE, F, fast, part
 from core.decode.frames import Image
-from core.decode.fringes import EVIDENCE, FITTING, fit_at, search
+from core.decode.kernels.compiled import HALF, ONE, F, fast, part
+from core.decode.kernels.fringes import EVIDENCE, FITTING, fit_at, search
 from core.decode.options import Flag
+from core.decode.surface.agreement import decoded_at
 from core.decode.tables import CODE, AxisTable, Limits, Rows, Shorts, Singles
 from core.parallel import run_in_bands
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import (
+from core.decode.kernels.compiled import (
     HALF,
     INT,
     NONE,
@@ -20,7 +20,7 @@ from core.decode.compiled import (
     weighted_sum,
     wide,
 )
-from core.decode.fringes import SIGMAS, combine
+from core.decode.kernels.fringes import SIGMAS, combine
 from core.decode.options import Flag
 
 LOW = INT(Flag.LOW_MODULATION)

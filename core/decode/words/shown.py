@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.book import BLURS, PER_LINE, Book, adjust
 from core.decode.frames import Image
 from core.decode.noise import Noise, estimate_noise
 from core.decode.tables import Array, Singles
+from core.decode.words.book import BLURS, PER_LINE, Book, adjust
 from core.numerics import quantile_of, quantum, spaced
 
 COARSE = 3  # so manieth is tried first, then each around the best

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.frames import Image
-from core.decode.moved import moved_edges
 from core.decode.pairs import BESIDE, SOME, STEP, TILES, smooth_at
+from core.decode.surface.moved import moved_edges
 from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, lifted, runs_of, sum_of, sums_of
 from core.numerics import distinct, median_of
 

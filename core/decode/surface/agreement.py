@@ -17,14 +17,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.beats import beating
-from core.decode.compiled import HALF, TILE
 from core.decode.frames import Image, Numbers
-from core.decode.fringes import TWO_PI, orders_stand
-from core.decode.kernel import decode_pixels, scratch_for
+from core.decode.kernels.compiled import HALF, TILE
+from core.decode.kernels.fringes import TWO_PI, orders_stand
+from core.decode.kernels.kernel import decode_pixels, scratch_for
 from core.decode.noise import MEDIAN_OF_SQUARE
 from core.decode.options import Flag, invalidate
 from core.decode.pairs import FEWEST, TILES, Pairs, look_at, median_around, smooth_at
+from core.decode.surface.beats import beating
 from core.decode.tables import PHASES, SWEEP, Array, AxisTable, Limits, Rows, Singles, no_axis
 from core.numerics import distinct, erf, median_of, row_median
 

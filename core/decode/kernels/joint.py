@@ -8,7 +8,7 @@ straight response.
 
 from __future__ import annotations
 
-from core.decode.compiled import HALF, INT, ONE, TINY, F, part
+from core.decode.kernels.compiled import HALF, INT, ONE, TINY, F, part
 
 TOLERANCE = F(0.005)  # part of the gain by which mean and amplitude may differ from the model without noise
 FIELDS = F(0.02)  # part of the light of white and black by which that of the fringes may differ

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.curves import PARAMETERS
-from core.decode.harmonics import GRID, correction
-from core.decode.response import LARGEST, STEP, Array, Response, Terms, Wave
+from core.decode.waves.curves import PARAMETERS
+from core.decode.waves.harmonics import GRID, correction
+from core.decode.waves.response import LARGEST, STEP, Array, Response, Terms, Wave
 
 CROWDED = 6  # rounds
 TILES = 4  # of the image in either direction, whose densities are held against each other

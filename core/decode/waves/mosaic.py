@@ -14,7 +14,8 @@ from itertools import product
 import numpy as np
 
 from core.decode.chosen import middles
-from core.decode.folded import (
+from core.decode.tables import Singles
+from core.decode.waves.folded import (
     DEGREE,
     FEWEST,
     FULL,
@@ -28,7 +29,6 @@ from core.decode.folded import (
     subtract,
     waves_by,
 )
-from core.decode.tables import Singles
 from core.model import Array
 from core.numerics import MEDIAN_OF_NORMAL, polynomial, row_median
 from core.parallel import run_in_bands

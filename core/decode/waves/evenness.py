@@ -11,9 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from core.decode.curves import HIGHEST, both_sides, dimming, waves
-from core.decode.response import Response, Wave
 from core.decode.tables import Array, Rows, Singles
+from core.decode.waves.curves import HIGHEST, both_sides, dimming, waves
+from core.decode.waves.response import Response, Wave
 from core.parallel import run_in_bands
 
 WORTH = 5e-4  # of the amplitude of fringes: less moves no centre by a thousandth of a pixel

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.compiled import F, fast, part
+from core.decode.kernels.compiled import F, fast, part
 from core.decode.options import Flag, invalidate
 from core.decode.tables import CODE, SWEEP, AxisTable, Singles
 from core.parallel import run_in_bands

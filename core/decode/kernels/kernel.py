@@ -11,13 +11,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.compiled import FIRST, HALF, INT, NONE, ONE, TILE, ZEROTH, F, brightest, fast, fill, part, weighted_sum
-from core.decode.doubt import settle
-from core.decode.fringes import fit_phases, unwrap, weigh
-from core.decode.joint import join
+from core.decode.kernels.compiled import (
+    FIRST,
+    HALF,
+    INT,
+    NONE,
+    ONE,
+    TILE,
+    ZEROTH,
+    F,
+    brightest,
+    fast,
+    fill,
+    part,
+    weighted_sum,
+)
+from core.decode.kernels.doubt import settle
+from core.decode.kernels.fringes import fit_phases, unwrap, weigh
+from core.decode.kernels.joint import join
+from core.decode.kernels.words import contrast_of, locate, read_bits
 from core.decode.options import Flag
 from core.decode.tables import CODE, NOTHING, SWEEP, AxisTable, Shorts, Singles
-from core.decode.words import contrast_of, locate, read_bits
 
 SATURATED, OUTSIDE, NO_U = INT(Flag.SATURATED), INT(Flag.OUTSIDE), INT(Flag.NO_U)
 AXIS = INT(1)  # the bit of axis x

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.decode.compiled import HALF, INT, NONE, ONE, ZEROTH, F, part, pixel_sum, turn_of
+from core.decode.kernels.compiled import HALF, INT, NONE, ONE, ZEROTH, F, part, pixel_sum, turn_of
+from core.decode.kernels.words import blurred_of, cell_of, coarser, most_left_out, word_of
 from core.decode.options import Flag
-from core.decode.words import blurred_of, cell_of, coarser, most_left_out, word_of
 
 UNSURE, DISAGREEMENT = INT(Flag.UNSURE), INT(Flag.DISAGREEMENT)
 

@@ -16,14 +16,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.camera import SPREAD as CAMERAS
-from core.decode.camera import TERMS, bend, rises
 from core.decode.chosen import spread
-from core.decode.crowding import TILES, Crowd, crowded, explained
-from core.decode.curves import PARAMETERS, SPREAD, dimming, light_at, waves
 from core.decode.frames import Image
-from core.decode.response import HARMONICS, LARGEST, STEP, Array, Response, Terms, Wave
 from core.decode.tables import Singles
+from core.decode.waves.camera import SPREAD as CAMERAS
+from core.decode.waves.camera import TERMS, bend, rises
+from core.decode.waves.crowding import TILES, Crowd, crowded, explained
+from core.decode.waves.curves import PARAMETERS, SPREAD, dimming, light_at, waves
+from core.decode.waves.response import HARMONICS, LARGEST, STEP, Array, Response, Terms, Wave
 from core.numerics import quantile_of
 from core.patterns import Pattern, level_of, use_of
 
@@ -155,7 +155,7 @@ def estimate_response(
     camera: bool,
 ) -> tuple[Response | None, Array | None]:
     """Find the projector's response in a sample (frames, n) of the grey values, below `saturation`; and, if wanted, the
-    `camera`'s curve, where that explains what no response does (see `core.decode.camera`).
+    `camera`'s curve, where that explains what no response does (see `core.decode.waves.camera`).
 
     None where there are no sine fringes or too few pixels see them. The images give more pixels, where the crowding of
     the phases must tell.

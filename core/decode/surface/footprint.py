@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.compiled import HALF, INT, ONE, TINY, F, fast, part
+from core.decode.kernels.compiled import HALF, INT, ONE, TINY, F, fast, part
 from core.decode.options import Flag
 from core.decode.tables import Limits, Rows, Shorts, Singles
 from core.numerics import median_of, row_median

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.compiled import NONE, fast, part
+from core.decode.kernels.compiled import NONE, fast, part
 from core.decode.tables import Array, Singles
 from core.errors import InputError
 from core.lazy import dataclass

@@ -19,9 +19,9 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from core.decode.curves import HIGHEST
 from core.decode.noise import Noise
 from core.decode.tables import AxisTable, Singles, sums_of
+from core.decode.waves.curves import HIGHEST
 from core.lazy import dataclass
 from core.model import Array
 from core.numerics import ranked
