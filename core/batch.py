@@ -34,10 +34,10 @@ from core.pipeline.decode import phase_maps, read_phase, write_phase
 from core.pipeline.evaluate import covers, judge_plane
 from core.pipeline.evidence import points_of, shared_frames
 from core.pipeline.folders import find_folder
-from core.pipeline.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.pipeline.judge import judge_points, said_of
 from core.pipeline.reconstruct import write_cloud
 from core.pipeline.runs import calibration_hashes
+from core.pipeline.state.inputs import decoded_from, evaluated_from, reconstructed_from
 from core.progress import SILENT, Progress
 from core.project import read_capture, read_project, save_archive, write_json
 from core.project.contents import Contents, contents_of, hash_value

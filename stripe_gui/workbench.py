@@ -133,7 +133,7 @@ class Workbench(QObject):
         ``function(project, *arguments, progress=..., **keywords)`` is called with the project. Its failure is told and
         kept as the stage's state until it succeeds; the window is refreshed at the end.
         """
-        from core.pipeline.failures import clear_failure
+        from core.pipeline.state.failures import clear_failure
         from stripe_gui.presenters.failures import describe, keep_failure
 
         folder = self.session.folder

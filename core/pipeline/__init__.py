@@ -4,10 +4,9 @@
 
 One file for each, of the same name; `folders` says where a project keeps things, `runs` keeps calibrations
 and sets them side by side, `picking`, `signing` and `tables` do what lies beside the road: guesses of picks, the
-sign-off, everything as CSV. `graph` alone knows what is current: every result carries the record of what it was made
-from (`inputs`), set beside what is there now; `update` does what is not current. A stage takes what it needs from the
-captures and from ``results/`` in the project, and writes its own result there. Nothing is written before a stage has
-succeeded.
+sign-off, everything as CSV. `state` alone knows what is current; `update` does what is not. A stage takes what it
+needs from the captures and from ``results/`` in the project, and writes its own result there. Nothing is written before
+a stage has succeeded.
 """
 
 from typing import TYPE_CHECKING
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from core.pipeline.capture import simulate_project as simulate_project
     from core.pipeline.decode import decode_capture as decode_capture
     from core.pipeline.evaluate import evaluate_project as evaluate_project
-    from core.pipeline.graph import project_states as project_states
+    from core.pipeline.state.graph import project_states as project_states
     from core.pipeline.measure import measure_project as measure_project
     from core.pipeline.methods import METHODS as METHODS
     from core.pipeline.methods import Calibrated as Calibrated
@@ -49,7 +48,7 @@ _HOMES = {
     "core.pipeline.capture": "capture_into simulate_project",
     "core.pipeline.decode": "decode_capture",
     "core.pipeline.evaluate": "evaluate_project",
-    "core.pipeline.graph": "project_states",
+    "core.pipeline.state.graph": "project_states",
     "core.pipeline.measure": "measure_project",
     "core.pipeline.methods": "METHODS Calibrated CalibrationMethod",
     "core.pipeline.options": "CalibrateOptions",

@@ -12,7 +12,6 @@ from core.model import Adjustment, Calibration, Capture, DeviceSpec, Method, Pho
 from core.pipeline.decode import taken_together
 from core.pipeline.evidence import Evidence
 from core.pipeline.folders import all_captures, result_path
-from core.pipeline.inputs import Record, calibrated_from
 from core.pipeline.judge import judge_adjustment, judge_calibrations
 from core.pipeline.measure import save_targets, side_of
 from core.pipeline.method import ADJUSTMENT, Calibrated
@@ -20,6 +19,7 @@ from core.pipeline.methods import METHODS, archives_of, calibration_figures, met
 from core.pipeline.options import CalibrateOptions, check_options
 from core.pipeline.picking import current_target_sets
 from core.pipeline.runs import Run, calibration_file, current_run, keep_run, list_runs, now, read_run, run_folder
+from core.pipeline.state.inputs import Record, calibrated_from
 from core.progress import SILENT, Progress
 from core.project import load_archive, read_network
 from core.project.contents import hash_file

@@ -28,10 +28,10 @@ from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import because_of, shared_frames
 from core.pipeline.folders import captures_of, result_path
-from core.pipeline.inputs import evaluated_from
 from core.pipeline.judge import calibration_rms, judge_planes, said_of
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import calibration_hashes
+from core.pipeline.state.inputs import evaluated_from
 from core.pipeline.views import intersectable, joint_clouds
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json

@@ -15,7 +15,7 @@ from core.model import Capture, PhaseMap, Project, Role, TargetSet, Testfield, n
 from core.pipeline.decode import Look
 from core.pipeline.evidence import because_of, shared_frames
 from core.pipeline.folders import all_captures, result_path
-from core.pipeline.inputs import measured_from
+from core.pipeline.state.inputs import measured_from
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive, write_json
 from core.project.contents import contents_of

@@ -17,8 +17,8 @@ from core.model import Capture, DriftPoint, KnownLength, Pair, PhaseMap, Photogr
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.decode import decode_series, one_series
 from core.pipeline.folders import all_captures, find_capture, result_path
-from core.pipeline.inputs import decoded_from
 from core.pipeline.orient_known import between_targets, known_points
+from core.pipeline.state.inputs import decoded_from
 from core.progress import SILENT, Progress
 from core.project import load_archive, save_archive
 from core.project.archive import read_head

@@ -8,8 +8,8 @@ from core.errors import listed
 from core.model import Capture, Figures, PhotogrammetricCalibration, Project, RigCorrection
 from core.pipeline.calibrate import photogrammetric_calibration
 from core.pipeline.folders import find_capture, result_path
-from core.pipeline.inputs import decoded_from
 from core.pipeline.orient import Look, kept_correction, signature_of, still_used
+from core.pipeline.state.inputs import decoded_from
 from core.progress import SILENT, Progress
 from core.project import save_archive
 from core.project.contents import hash_value

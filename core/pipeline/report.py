@@ -25,14 +25,14 @@ from core.parallel import beside
 from core.pipeline.calibrate import load_adjustment, load_calibrations
 from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.folders import all_captures, known_truth, result_path
-from core.pipeline.graph import Graph, project_states
-from core.pipeline.holdings import reported_now
 from core.pipeline.merge import kept_registration
 from core.pipeline.methods import METHODS
 from core.pipeline.orient import drift_of
 from core.pipeline.picking import current_target_sets
 from core.pipeline.signed import load_sign_off
-from core.pipeline.states import ProjectStates
+from core.pipeline.state.graph import Graph, project_states
+from core.pipeline.state.holdings import reported_now
+from core.pipeline.state.states import ProjectStates
 from core.pipeline.volumes import volume_of_calibration
 from core.progress import SILENT, Progress
 from core.project import write_json

@@ -30,9 +30,9 @@ from core.geometry import LENSES, rotation_vector_from_matrix
 from core.lazy import dataclass
 from core.model import Figures, Method, Project
 from core.pipeline.folders import result_path
-from core.pipeline.inputs import Record
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.options import CalibrateOptions
+from core.pipeline.state.inputs import Record
 from core.project import save_archive, write_json
 from core.project.contents import contents_of, hash_file
 from core.project.lock import writing_results
@@ -53,7 +53,7 @@ class Run:
     captures: Mapping[Method, tuple[str, ...]]  #: names of the captures used by each method
     #: targets that an operator had excluded, (row, col) each, by capture
     excluded: Mapping[str, tuple[tuple[int, int], ...]]
-    #: what each method's result follows from, see `core.pipeline.inputs`
+    #: what each method's result follows from, see `core.pipeline.state.inputs`
     made_from: Mapping[Method, Record]
     figures: Figures = field(repr=False)  #: as `calibrate --json` writes them
     #: number of the run that holds a method's archives, where that is another one

@@ -15,18 +15,18 @@ from core.parallel import on_processes
 from core.pipeline.calibrate import calibrate_project, chosen_calibration, methods_in_use
 from core.pipeline.decode import phase_maps
 from core.pipeline.evaluate import evaluate_project
-from core.pipeline.failures import StageFailure, clear_failure, keep_failure
 from core.pipeline.folders import method_of, points_file, result_path
-from core.pipeline.graph import Graph, project_states
-from core.pipeline.holdings import decoded_figures
-from core.pipeline.inputs import decoded_from, reconstructed_from
 from core.pipeline.measure import measure_project
 from core.pipeline.methods import METHODS
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.reconstruct import reconstruct_capture, write_cloud
 from core.pipeline.report import report_project
 from core.pipeline.runs import calibration_hashes, current_run
-from core.pipeline.states import ProjectStates, State
+from core.pipeline.state.failures import StageFailure, clear_failure, keep_failure
+from core.pipeline.state.graph import Graph, project_states
+from core.pipeline.state.holdings import decoded_figures
+from core.pipeline.state.inputs import decoded_from, reconstructed_from
+from core.pipeline.state.states import ProjectStates, State
 from core.progress import SILENT, Progress
 from core.project import write_json
 from core.project.contents import contents_of, hash_file

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from core.errors import StripeError
-from core.pipeline import failures
-from core.pipeline.failures import StageFailure
-from core.pipeline.graph import Graph
+from core.pipeline.state import failures
+from core.pipeline.state.failures import StageFailure
+from core.pipeline.state.graph import Graph
 from core.project import read_project
 from stripe_gui.presenters.told import told, translate
 

@@ -1,7 +1,7 @@
 """The seven stages of a project in the operator's words: done, out of date, to do, or failed with the reason.
 
-The core alone knows the states (`core.pipeline.graph`); here they get words, and capturing, which the operator does
-himself, a line of its own.
+The core alone knows the states (`core.pipeline.state.graph`); here they get words, and capturing, which the operator
+does himself, a line of its own.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 from core.model import Method
 from core.pipeline import METHODS
-from core.pipeline.failures import read_failures
-from core.pipeline.graph import Graph
-from core.pipeline.states import ProjectStates
+from core.pipeline.state.failures import read_failures
+from core.pipeline.state.graph import Graph
+from core.pipeline.state.states import ProjectStates
 from core.progress import SILENT, Progress
 from stripe_gui.presenters.folder import ProjectFolder
 from stripe_gui.presenters.stages import StageStatus, State

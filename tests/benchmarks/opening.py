@@ -10,7 +10,7 @@ import numpy as np
 
 from core.model import DeviceSpec, Subject
 from core.patterns import reference_sequence
-from core.pipeline.graph import Graph
+from core.pipeline.state.graph import Graph
 from core.project import read_capture, read_project, write_image, write_project
 from core.project.captures import write_capture_json
 from tests.benchmarks.timing import Contestant, Row, race

@@ -24,11 +24,11 @@ from core.model import PhotogrammetricCalibration, Project
 from core.pipeline import calibrate_project, evaluate_project, load_calibrations, reconstruct_capture, simulate_project
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.exchange import export_calibration
-from core.pipeline.graph import project_states
 from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
 from core.pipeline.report import report_data
-from core.pipeline.states import State
+from core.pipeline.state.graph import project_states
+from core.pipeline.state.states import State
 from core.pipeline.tables import kept_evaluation
 from core.pipeline.update import keep_points
 from core.pipeline.views import reconstruct_views, seen_by_several

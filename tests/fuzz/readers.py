@@ -15,10 +15,10 @@ from core.devices.profiles import read_profile
 from core.exchange import FORMATS
 from core.model import Adjustment, PhotogrammetricCalibration, TargetSet
 from core.patterns.spec import read_sequence_file
-from core.pipeline.failures import read_failures
-from core.pipeline.holdings import decoded_figures, stored_record
 from core.pipeline.runs import calibration_file, read_run
 from core.pipeline.signed import load_sign_off
+from core.pipeline.state.failures import read_failures
+from core.pipeline.state.holdings import decoded_figures, stored_record
 from core.project import load_archive, read_capture, read_image, read_network, read_project, save_archive
 from core.project.captures import read_picks, read_testfield
 from core.project.contents import FILE as CONTENTS

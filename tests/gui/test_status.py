@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import InputError
-from core.pipeline.failures import clear_failure, read_failures
+from core.pipeline.state.failures import clear_failure, read_failures
 from core.project import read_image, write_image
 from stripe_gui.presenters.failures import describe, keep_failure
 from stripe_gui.presenters.folder import ProjectFolder

@@ -29,7 +29,7 @@ from core.pipeline import (
 from core.pipeline.evaluate import load_evaluation
 from core.pipeline.report import outdated_words
 from core.pipeline.signing import save_sign_off
-from core.pipeline.states import differences
+from core.pipeline.state.states import differences
 from core.project import read_capture, read_project, write_picks
 from core.project.contents import Contents
 from core.report import SignOff

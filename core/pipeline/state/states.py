@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal
 
 from core.lazy import dataclass
-from core.pipeline.inputs import Record
+from core.pipeline.state.inputs import Record
 
 Word = Literal["absent", "current", "outdated", "failed"]
 STAGES = ("decode", "measure", "calibrate", "reconstruct", "evaluate", "report")

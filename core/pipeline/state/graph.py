@@ -1,8 +1,8 @@
 """The one place that knows the state of everything: what stages read, and whether their results still follow from it.
 
-A result carries the record of what it was made from (`core.pipeline.inputs`). Here the record of what is there now is
-set beside it: equal is current, otherwise the difference is told in sentences (`core.pipeline.states`). Nothing
-else decides: commands, batch, window, report and sign-off ask `project_states`.
+A result carries the record of what it was made from (`inputs`). Here the record of what is there now is set beside it:
+equal is current, otherwise the difference is told in sentences (`states`). Nothing else decides: commands, batch,
+window, report and sign-off ask `project_states`.
 
 Stages, what they read, and where their results lie:
 
@@ -23,10 +23,14 @@ from typing import Any
 
 from core.errors import StripeError
 from core.model import Capture, Method, Project
-from core.pipeline.failures import read_failures
 from core.pipeline.folders import method_of, result_path
-from core.pipeline.holdings import UNKNOWN, Holdings, reported_now, stored_record
-from core.pipeline.inputs import (
+from core.pipeline.measure import BOARDS, side_of
+from core.pipeline.methods import METHODS, archives_of, shares
+from core.pipeline.options import CalibrateOptions
+from core.pipeline.runs import calibration_file, calibration_hashes, read_run, run_folder
+from core.pipeline.state.failures import read_failures
+from core.pipeline.state.holdings import UNKNOWN, Holdings, reported_now, stored_record
+from core.pipeline.state.inputs import (
     Record,
     calibrated_from,
     decoded_from,
@@ -36,11 +40,7 @@ from core.pipeline.inputs import (
     reconstructed_from,
     rig_values,
 )
-from core.pipeline.measure import BOARDS, side_of
-from core.pipeline.methods import METHODS, archives_of, shares
-from core.pipeline.options import CalibrateOptions
-from core.pipeline.runs import calibration_file, calibration_hashes, read_run, run_folder
-from core.pipeline.states import (
+from core.pipeline.state.states import (
     CURRENT,
     STAGES,
     ProjectStates,

@@ -13,12 +13,12 @@ from core.errors import StripeError
 from core.fields import kept_object, text_of
 from core.model import Capture, Method, Project
 from core.pipeline.folders import method_of, result_path
-from core.pipeline.inputs import Record, reported_from
 from core.pipeline.measure import BOARDS, side_of
 from core.pipeline.method import ADJUSTMENT
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import Run, calibration_file, calibration_hashes, current_run
 from core.pipeline.signed import signed_state
+from core.pipeline.state.inputs import Record, reported_from
 from core.project import read_capture
 from core.project.archive import read_head
 from core.project.contents import Look, contents_of, hash_value
