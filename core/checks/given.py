@@ -18,6 +18,7 @@ from core.numerics import chi_square_limit, nearest, normal_limit
 
 OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 UNLIKE_SCALE, KEPT = 0.05, 2.0  # where they keep their shape: prints that are fitted to the page shrink by less; times
+MIRRORED, CHANCE = 0.6, 3.0  # of the deviations that a mirror image leaves, by chance to 1 - 3 / sqrt(points)
 LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
 OUTSIDE = 0.02  # of the image: no target is measured farther from it
 NEAR = 0.1  # of c: at 10:1 a lens has its object at 0.1 c
@@ -36,7 +37,7 @@ def given_concerns(adjustment: Adjustment, anew: Callable[[Network, bool], Adjus
     weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
     if bars or weighed:
         concerns += [Concern("doubtful", _too_large(*found)) for found in cautious(adjustment).items()]
-    return concerns + [concern for bar in bars for concern in _length(adjustment, bar)]
+    return concerns + _mirrored(adjustment) + [concern for bar in bars for concern in _length(adjustment, bar)]
 
 
 def _outside(adjustment: Adjustment) -> Iterator[str]:
@@ -143,6 +144,20 @@ def _exchanged(adjustment: Adjustment) -> list[Concern]:
         for a, b in enumerate(takes.tolist())
         if a < b and takes[b] == a and not near[a] and not near[b]
     ]
+
+
+def _mirrored(adjustment: Adjustment) -> list[Concern]:
+    """Find points that are adjusted to the mirror image of the approximate ones: no image of their own shows that."""
+    given, found = adjustment.network.point_xyz_mm, adjustment.points_mm
+    most = min(MIRRORED, 1 - CHANCE / np.sqrt(len(found)))
+    off, mirrored = (_off(found * (1, 1, hand), given) for hand in (1, -1))
+    if mirrored >= most * off:
+        return []
+    text = (
+        f"points.csv: points are adjusted to the mirror image of their coordinates, which fits to {mirrored:.2g} mm, "
+        f"not to {off:.2g} mm: give v downwards in observations.csv, and right-handed coordinates"
+    )
+    return [Concern("failed", text)]
 
 
 def _too_large(device: str, ratio: float) -> str:

@@ -99,6 +99,24 @@ def test_what_no_residual_shows_is_named(change: Callable[[Network], Network], w
     assert words in told(change(SOUND))[0]
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_images_that_are_mirrored_adjust_to_a_mirrored_field(axis: int) -> None:
+    uv = SOUND.observation_uv.copy()
+    uv[:, axis] = (CAMERA.width, CAMERA.height)[axis] - 1 - uv[:, axis]
+    verdict = judge_adjustment(adjust(replace(SOUND, observation_uv=uv))).verdict
+    assert verdict.state == "failed"
+    assert "adjusted to the mirror image of their coordinates" in verdict.because[0]
+    left = SOUND.point_xyz_mm * (1, 1, -1)
+    assert judge_adjustment(adjust(replace(SOUND, point_xyz_mm=left))).verdict.state == "failed"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_flat_field_whose_heights_are_rough_is_not_called_mirrored(seed: int) -> None:
+    made = simulated_network(seed=seed, use=("camera",), approximation_mm=0.0, depth_mm=0.0)
+    rough = made.network.point_xyz_mm + np.random.default_rng(seed).normal(0, 0.3, made.network.point_xyz_mm.shape)
+    assert not any("mirror" in text for text in told(replace(made.network, point_xyz_mm=rough)))
+
+
 def test_a_single_known_point_that_is_off_is_named() -> None:
     made = simulated_network(seed=3, use=("camera",), scale=False)
     xyz = made.points_mm + np.random.default_rng(0).normal(0, KNOWN_MM, made.points_mm.shape)
