@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.geometry import pixel_to_image, project
-from core.measure.blobs import connected_spots
+from core.measure.centres.steps import MOST_LEVERAGE, Lay, covariance, light_within, width_px
+from core.measure.identity.blobs import connected_spots
 from core.measure.outlines import FEATURES, LEAST_RING_PX, Edge, before_lens, checked_place
-from core.measure.steps import MOST_LEVERAGE, Lay, covariance, light_within, width_px
 from core.model import AdjustedDevice, Array, Feature, Floats, PhaseMap, PointCloud
 from core.numerics import distinct, polynomial, sigma_by_median
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.measure.grow import Lattice, predict
-from core.measure.rays import Rays
+from core.measure.centres.rays import Rays
+from core.measure.identity.grow import Lattice, predict
 from core.model import Array, PhaseMap
 
 EXCLUDED = "excluded by the operator"

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import njit
-from core.measure.kernels import inverted
-from core.measure.rays import Rays
+from core.measure.centres.kernels import inverted
+from core.measure.centres.rays import Rays
 from core.model import Array, Floats
 from core.numerics import MEDIAN_OF_NORMAL, exponents, four_pixels, median_of, nearest, polynomial, row_median
 from core.parallel import run_in_bands

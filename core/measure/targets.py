@@ -10,13 +10,13 @@ import numpy as np
 from core.algebra import on_own_threads
 from core.errors import InputError
 from core.measure.board import board_from_testfield
-from core.measure.defocus import LIGHT, WIDE, widening
-from core.measure.grain import balanced
+from core.measure.centres.defocus import LIGHT, WIDE, widening
+from core.measure.centres.grain import balanced
+from core.measure.centres.light import CUT, cut_by_edge, line_gradients
+from core.measure.centres.profile import READ_BETWEEN
+from core.measure.identity.picks import Side, check_excluded
 from core.measure.kinds import Marks, Sight, kind_of
-from core.measure.light import CUT, cut_by_edge, line_gradients
 from core.measure.missing import EXCLUDED
-from core.measure.picks import Side, check_excluded
-from core.measure.profile import READ_BETWEEN
 from core.measure.projector import INTERIOR, RING, bends, bilinear, decoded_inside, middle_of_surface, refuse_jumps
 from core.model import Array, DeviceSpec, Floats, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress

@@ -17,7 +17,7 @@ import numpy as np
 
 from core.errors import InputError
 from core.measure import SAME, recognise, solve_turns, symmetries
-from core.measure.turns import Labelling, relabelled
+from core.measure.identity.turns import Labelling, relabelled
 from core.model import TargetSet, Testfield
 from tests.printed import SPEC, Printed, field_of, phase_of, photograph, printed
 

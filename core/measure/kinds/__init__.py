@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from core.errors import InputError
-from core.measure.estimators import ESTIMATORS
+from core.measure.centres.estimators import ESTIMATORS
 from core.measure.kinds.chessboard import CHESSBOARD
 from core.measure.kinds.dots import DOTS
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from core.errors import NotRecognisedError
 from core.lazy import dataclass
 from core.measure.board import Board, board_from_testfield
-from core.measure.corners import fit_corners
-from core.measure.crossings import blocks_of_crossings
+from core.measure.centres.corners import fit_corners
+from core.measure.centres.crossings import blocks_of_crossings
+from core.measure.identity.picks import check_picks
+from core.measure.identity.places import noise_of
+from core.measure.identity.view import View, first_view, fit_both_tilts
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight, TargetKind
 from core.measure.missing import EXCLUDED, OUTSIDE
-from core.measure.picks import check_picks
-from core.measure.places import noise_of
-from core.measure.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Seed, Testfield
 from core.numerics import from_neighbours, nearest
 

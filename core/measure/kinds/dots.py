@@ -8,26 +8,26 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.blobs import find_blobs
 from core.measure.board import Board
-from core.measure.centroid import centroids, noise_model
-from core.measure.circles import NOMINAL_SHARE, eccentricity, recentred, tangents, uncertain
-from core.measure.estimators import ESTIMATORS
-from core.measure.faults import half_lit, shape_faults
-from core.measure.grain import PLAIN, grain, of_lattice
-from core.measure.grow import Lattice
-from core.measure.identify import identify
+from core.measure.centres.centroid import centroids, noise_model
+from core.measure.centres.circles import NOMINAL_SHARE, eccentricity, recentred, tangents, uncertain
+from core.measure.centres.estimators import ESTIMATORS
+from core.measure.centres.faults import half_lit, shape_faults
+from core.measure.centres.grain import PLAIN, grain, of_lattice
+from core.measure.centres.lighting import light_gradient
+from core.measure.centres.plateau import plateau_share
+from core.measure.centres.profile import PLATEAU, Profiles, outlines, profiles
+from core.measure.centres.rays import Rays
+from core.measure.identity.blobs import find_blobs
+from core.measure.identity.grow import Lattice
+from core.measure.identity.identify import identify
+from core.measure.identity.picks import check_picks, snap
+from core.measure.identity.propose import find_dots, propose_picks
+from core.measure.identity.single import dot_at
+from core.measure.identity.view import fit_both_tilts
 from core.measure.kinds.kind import Guesses, Marks, Sight, TargetKind
-from core.measure.lighting import light_gradient
 from core.measure.missing import EXCLUDED, reasons
-from core.measure.picks import check_picks, snap
-from core.measure.plateau import plateau_share
-from core.measure.profile import PLATEAU, Profiles, outlines, profiles
-from core.measure.propose import find_dots, propose_picks
-from core.measure.rays import Rays
 from core.measure.rows import row_shifts
-from core.measure.single import dot_at
-from core.measure.view import fit_both_tilts
 from core.model import Array, DeviceSpec, Floats, Seed, Testfield
 from core.numerics import inverse_2x2, row_median
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from core.geometry import Pose
 from core.lazy import dataclass
 from core.measure.board import Board
-from core.measure.picks import Side
+from core.measure.identity.picks import Side
 from core.model import Array, DeviceSpec, Interior, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import Progress
 

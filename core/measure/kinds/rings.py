@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.measure.blobs import Blobs
+from core.measure.identity.blobs import Blobs
+from core.measure.identity.propose import bright_spots
 from core.measure.kinds.dots import DOTS, measure_dots
 from core.measure.kinds.kind import Guesses, Marks, Patch, Sight
-from core.measure.propose import bright_spots
 from core.model import Array, DeviceSpec, Seed, Testfield
 
 BITS = 12

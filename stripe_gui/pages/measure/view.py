@@ -11,7 +11,7 @@ import numpy as np
 from core.errors import InputError
 from core.lazy import dataclass
 from core.measure import kind_of, measured_view, predicted_view
-from core.measure.view import View
+from core.measure.identity.view import View
 from core.model import Array, DeviceSpec, TargetSet
 from core.report import Number, Table
 from core.report.table import Cell

@@ -23,7 +23,7 @@ from core.calibrate.rigid import rigidity_of
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
 from core.measure import View, eccentricity, unmeasured
-from core.measure.circles import tangents
+from core.measure.centres.circles import tangents
 from core.model import Interior, Rig, ScaleBar, TargetSet, Testfield
 from core.pipeline.methods import METHODS
 from core.pipeline.options import CalibrateOptions

@@ -9,8 +9,8 @@ import pytest
 
 from core.errors import NotRecognisedError
 from core.measure import measure_targets, recognise
-from core.measure.corners import fit_corners
-from core.measure.crossings import blocks_of_crossings
+from core.measure.centres.corners import fit_corners
+from core.measure.centres.crossings import blocks_of_crossings
 from core.measure.kinds.chessboard import eight_bits
 from core.model import DeviceSpec, PhaseMap, Seed, Testfield
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.special import ndtr
 
 from core.measure import measure_targets
-from core.measure.grain import balanced, grain
-from core.measure.rays import Rays
+from core.measure.centres.grain import balanced, grain
+from core.measure.centres.rays import Rays
 from core.model import DeviceSpec, PhaseMap, Seed, Testfield
 
 FINE = 100  # steps of a grey value, so that rounding is no noise

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.measure import placed, recognise, solve_turns
-from core.measure.turns import relabelled
+from core.measure.identity.turns import relabelled
 from core.model import DeviceSpec, Testfield
 from tests.printed import phase_of
 

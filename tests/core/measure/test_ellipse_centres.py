@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from core.measure.centroid import centroids, noise_model
-from core.measure.ellipse import ellipse_centres
-from core.measure.plateau import plateau_share
-from core.measure.profile import profiles
-from core.measure.rays import Rays
+from core.measure.centres.centroid import centroids, noise_model
+from core.measure.centres.ellipse import ellipse_centres
+from core.measure.centres.plateau import plateau_share
+from core.measure.centres.profile import profiles
+from core.measure.centres.rays import Rays
 from core.measure.rows import row_shifts
 from core.model import PhaseMap, TargetSet
 

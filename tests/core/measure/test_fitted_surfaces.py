@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from core.geometry import Pose, matrix_from_rotation_vector
+from core.measure.identity.view import View, _linearised
 from core.measure.projector import bends, middle_of_surface
-from core.measure.view import View, _linearised
 from core.model import DeviceSpec
 from core.numerics import nearest
 

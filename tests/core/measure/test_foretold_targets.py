@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.measure.foretold import WHY, choose, foretell
+from core.measure.identity.foretold import WHY, choose, foretell
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.measure.lighting import light_gradient
+from core.measure.centres.lighting import light_gradient
 
 
 def by_contrasts(uv, contrast):

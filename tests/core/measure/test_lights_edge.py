@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.measure import measure_targets, recentred
-from core.measure.light import CUT, line_gradients
+from core.measure.centres.light import CUT, line_gradients
 from core.model import DeviceSpec
 
 PROJECTOR = DeviceSpec(900, 900, (0.05, 0.05), 60.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from core.measure.kernels import sample_rays, weighted_moments
+from core.measure.centres.kernels import sample_rays, weighted_moments
 from core.numerics import inverse_2x2, row_median
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from core.errors import InputError, NotRecognisedError
 from core.measure import TARGET_KINDS, recognise
+from core.measure.identity.turns import relabelled
 from core.measure.kinds import tags
-from core.measure.turns import relabelled
 from core.model import Testfield
 from core.pipeline import print_testfield
 from tests.printed import SPEC, Printed, field_of, phase_of, photograph, printed

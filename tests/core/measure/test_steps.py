@@ -10,7 +10,7 @@ import pytest
 from core.decode import decode
 from core.errors import InputError
 from core.measure import measure_feature
-from core.measure.steps import LEAST_NOISE, MOST_LEVERAGE, Lay, covariance, light_within
+from core.measure.centres.steps import LEAST_NOISE, MOST_LEVERAGE, Lay, covariance, light_within
 from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PointCloud
 from core.patterns import brightness, parse_sequence
 

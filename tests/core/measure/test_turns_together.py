@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.measure.turns import SAME, relabelled, solve_turns, symmetries
+from core.measure.identity.turns import SAME, relabelled, solve_turns, symmetries
 from core.model import Capture, Frame, TargetSet, Testfield
 from core.patterns import White
 from core.pipeline import decode, measure

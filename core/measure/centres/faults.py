@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.light import CUT
-from core.measure.profile import Profiles
-from core.measure.rays import Rays
+from core.measure.centres.light import CUT
+from core.measure.centres.profile import Profiles
+from core.measure.centres.rays import Rays
 from core.model import Array, Floats
 from core.numerics import MEDIAN_OF_NORMAL, nearest, quantile_of, row_median, sigma_by_median
 

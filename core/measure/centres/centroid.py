@@ -18,11 +18,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.defocus import WIDE, drawn_centroids, undrawn
-from core.measure.grain import PLAIN, Grain, clipped_variance
-from core.measure.kernels import in_bands, weighted_moments
-from core.measure.profile import Outlines, Profiles
-from core.measure.rays import Rays
+from core.measure.centres.defocus import WIDE, drawn_centroids, undrawn
+from core.measure.centres.grain import PLAIN, Grain, clipped_variance
+from core.measure.centres.kernels import in_bands, weighted_moments
+from core.measure.centres.profile import Outlines, Profiles
+from core.measure.centres.rays import Rays
 from core.model import Array
 from core.numerics import inverse_2x2
 

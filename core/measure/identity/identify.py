@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import InputError
-from core.measure.blobs import Blobs
 from core.measure.board import Board
-from core.measure.grow import Lattice, grow, predict, prune
-from core.measure.picks import FEWEST, Picks
-from core.measure.view import View, first_view, no_view
+from core.measure.identity.blobs import Blobs
+from core.measure.identity.grow import Lattice, grow, predict, prune
+from core.measure.identity.picks import FEWEST, Picks
+from core.measure.identity.view import View, first_view, no_view
 from core.model import Array, DeviceSpec, Ints, Note
 from core.numerics import distinct, inverse_2x2, nearest
 

@@ -10,8 +10,8 @@ from functools import cache
 
 import numpy as np
 
-from core.measure.profile import EDGE, PLATEAU
-from core.measure.rays import DIRECTIONS
+from core.measure.centres.profile import EDGE, PLATEAU
+from core.measure.centres.rays import DIRECTIONS
 from core.model import Array
 from core.numerics import row_median
 

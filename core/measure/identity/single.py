@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.measure.board import board_from_testfield
-from core.measure.picks import check_picks
-from core.measure.view import View, first_view, fit_both_tilts, no_view
+from core.measure.identity.picks import check_picks
+from core.measure.identity.view import View, first_view, fit_both_tilts, no_view
 from core.model import DeviceSpec, Seed, TargetSet, Testfield
 
 FAINTEST = 0.1  # share of the image's contrast below which nothing counts as a dot

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.lazy import dataclass
-from core.measure.blobs import SMALLEST_PX
+from core.measure.identity.blobs import SMALLEST_PX
 from core.model import Array, Floats
 from core.numerics import MEDIAN_OF_NORMAL, four_pixels, from_neighbours
 

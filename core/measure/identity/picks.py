@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from core.errors import InputError, NotRecognisedError
 from core.lazy import dataclass
-from core.measure.blobs import Blobs
 from core.measure.board import Board
+from core.measure.identity.blobs import Blobs
 from core.model import Array, Note, Seed
 
 Side = Literal["front", "back", "either"]  # of the board, that the camera sees

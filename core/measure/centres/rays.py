@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from core.lazy import dataclass
-from core.measure.kernels import in_bands, sample_rays
+from core.measure.centres.kernels import in_bands, sample_rays
 from core.model import Array, Floats
 
 RAYS = 24

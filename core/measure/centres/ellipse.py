@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import inner, njit
-from core.measure.centroid import centroids
-from core.measure.defocus import EDGES, undrawn
-from core.measure.kernels import in_bands, inverted
-from core.measure.profile import Profiles
-from core.measure.rays import Rays
+from core.measure.centres.centroid import centroids
+from core.measure.centres.defocus import EDGES, undrawn
+from core.measure.centres.kernels import in_bands, inverted
+from core.measure.centres.profile import Profiles
+from core.measure.centres.rays import Rays
 from core.model import Array
 from core.numerics import inverse_2x2
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.lazy import dataclass
-from core.measure.rays import ANGLES, DIRECTIONS, RAYS, Rays
+from core.measure.centres.rays import ANGLES, DIRECTIONS, RAYS, Rays
 from core.model import Array, Floats
 from core.numerics import MEDIAN_OF_NORMAL, inverse_2x2, normal_equations, row_median
 

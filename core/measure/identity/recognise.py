@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from core.errors import InputError, NotRecognisedError
 from core.measure.board import board_from_testfield
+from core.measure.identity.picks import Side
+from core.measure.identity.single import measured_view
+from core.measure.identity.turns import SAME, Labelling, labelling_between, relabelled, symmetries
 from core.measure.kinds import TARGET_KINDS, Guesses, kind_of
-from core.measure.picks import Side
-from core.measure.single import measured_view
 from core.measure.targets import measure_targets
-from core.measure.turns import SAME, Labelling, labelling_between, relabelled, symmetries
 from core.model import DeviceSpec, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 
 LIKELY = ("chessboard", "dots")  # kinds without a code that are taken for others; squares look like dots, too

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.rays import Rays
+from core.measure.centres.rays import Rays
 from core.model import Array, Floats
 from core.numerics import median_of, quantum, spaced
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.blobs import Blobs
 from core.measure.board import Board
-from core.measure.foretold import WHY, choose, foretell
-from core.measure.view import View, fit_both_tilts, fit_view
+from core.measure.identity.blobs import Blobs
+from core.measure.identity.foretold import WHY, choose, foretell
+from core.measure.identity.view import View, fit_both_tilts, fit_view
 from core.model import Array, Ints
 from core.numerics import inverse_2x2, median_of
 

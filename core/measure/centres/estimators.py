@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from core.measure.centroid import centroids
-from core.measure.ellipse import ellipse_centres
-from core.measure.profile import Profiles
-from core.measure.rays import Rays
+from core.measure.centres.centroid import centroids
+from core.measure.centres.ellipse import ellipse_centres
+from core.measure.centres.profile import Profiles
+from core.measure.centres.rays import Rays
 from core.model import Array
 
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from core.geometry import Pose, distort, image_to_pixel
-from core.measure.view import View
+from core.measure.identity.view import View
 from core.model import Array, DeviceSpec, Interior, TargetSet, Testfield
 from core.numerics import nearest, polynomial, polynomial_slopes
 

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from core.errors import InputError
 from core.lazy import dataclass
-from core.measure.blobs import Blobs, find_blobs
-from core.measure.places import bare_ground, dots_at, reduced, reduced_to
-from core.measure.single import predicted_view
-from core.measure.view import View, first_view, fit_both_tilts
+from core.measure.identity.blobs import Blobs, find_blobs
+from core.measure.identity.places import bare_ground, dots_at, reduced, reduced_to
+from core.measure.identity.single import predicted_view
+from core.measure.identity.view import View, first_view, fit_both_tilts
 from core.model import Array, DeviceSpec, Floats, Ints, Seed, Testfield
 from core.numerics import quantile_of
 from core.numerics.places import kd_tree
