@@ -10,18 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from core.algebra import on_own_threads
-from core.calibrate.columns import without_unobservable
-from core.calibrate.datum import check_known
-from core.calibrate.equations import cost_of
-from core.calibrate.from_images import dimensions, located_by_images
-from core.calibrate.groups import without, wrong_group
-from core.calibrate.held import held_concerns
-from core.calibrate.initial import initial_state, misplaced, oriented_anew
-from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import Problem, problem_of
-from core.calibrate.robust import misfits, robust_state
-from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network, selected
-from core.calibrate.snooping import (
+from core.calibrate.approximate.columns import without_unobservable
+from core.calibrate.approximate.from_images import dimensions, located_by_images
+from core.calibrate.approximate.initial import initial_state, misplaced, oriented_anew
+from core.calibrate.approximate.stations import NoPoseError
+from core.calibrate.diagnosis.groups import without, wrong_group
+from core.calibrate.diagnosis.held import held_concerns
+from core.calibrate.diagnosis.snooping import (
     far_off,
     far_off_error,
     gross_errors,
@@ -31,7 +26,20 @@ from core.calibrate.snooping import (
     sizes,
     within_images,
 )
-from core.calibrate.solve import (
+from core.calibrate.diagnosis.weakness import (
+    MirroredError,
+    PointsError,
+    behind_warning,
+    geometry_warnings,
+    usual_variance,
+)
+from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network, selected
+from core.calibrate.solution.datum import check_known
+from core.calibrate.solution.equations import cost_of
+from core.calibrate.solution.normals import SingularNormalsError
+from core.calibrate.solution.problem import Problem, problem_of
+from core.calibrate.solution.robust import misfits, robust_state
+from core.calibrate.solution.solve import (
     DEFAULT,
     DOUBTED,
     FITTING,
@@ -42,9 +50,7 @@ from core.calibrate.solve import (
     result_of,
     solve,
 )
-from core.calibrate.state import State
-from core.calibrate.stations import NoPoseError
-from core.calibrate.weakness import MirroredError, PointsError, behind_warning, geometry_warnings, usual_variance
+from core.calibrate.solution.state import State
 from core.errors import AdjustmentError
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Network

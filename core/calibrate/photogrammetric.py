@@ -9,14 +9,14 @@ import numpy as np
 
 from core.algebra import on_own_threads
 from core.calibrate.adjust import explained, solve_network
-from core.calibrate.held import freed
+from core.calibrate.diagnosis.held import freed
+from core.calibrate.diagnosis.parted import parted
+from core.calibrate.diagnosis.rigid import mean_relative_poses, rigidity_of
+from core.calibrate.diagnosis.weakness import MirroredError
 from core.calibrate.network import network_from_targets
-from core.calibrate.parted import parted
-from core.calibrate.rigid import mean_relative_poses, rigidity_of
 from core.calibrate.selection import Warnings
-from core.calibrate.shared import with_shared_errors
-from core.calibrate.solve import DOUBTED, AdjustOptions, Solved, result_of
-from core.calibrate.weakness import MirroredError
+from core.calibrate.solution.shared import with_shared_errors
+from core.calibrate.solution.solve import DOUBTED, AdjustOptions, Solved, result_of
 from core.errors import AdjustmentError, InputError
 from core.geometry import estimated
 from core.geometry.pairs import names_of, orientation_names

@@ -2,7 +2,7 @@
 
 import pytest
 
-from core.calibrate.weakness import UndeterminedError
+from core.calibrate.diagnosis.weakness import UndeterminedError
 from core.errors import AdjustmentError, choose_among
 from core.pipeline.evidence import because_of
 

@@ -17,20 +17,18 @@ import core
 from core.resources import resource
 from stripe_gui.presenters.told import speak, told
 
+ROOT = Path(core.__file__).parent
 ROOMS = """
-checks/* pipeline/graph pipeline/evidence pipeline/judge pipeline/states pipeline/holdings pipeline/inputs
-pipeline/measure pipeline/evaluate pipeline/orient pipeline/orient_known pipeline/orient_words pipeline/methods/*
-pipeline/volumes calibrate/adjust calibrate/solve calibrate/columns calibrate/depth calibrate/depth_camera
-calibrate/groups calibrate/held calibrate/next_pose calibrate/photogrammetric calibrate/rigid calibrate/selection
-calibrate/snooping calibrate/weakness evaluate/* decode/notes measure/* measure/kinds/* orient/motion orient/known
-exchange/pinhole digits capture/fitness capture/stored capture/pixels capture/quality capture/identity
-capture/mistakes capture/preflight
-report/words report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
+checks/* pipeline/state/* pipeline/evidence pipeline/judge pipeline/measure pipeline/evaluate pipeline/orient
+pipeline/orient_known pipeline/orient_words pipeline/methods/* pipeline/volumes calibrate/* calibrate/diagnosis/*
+calibrate/solution/solve calibrate/approximate/columns calibrate/depth/* evaluate/* decode/notes measure/* measure/*/*
+orient/motion orient/known exchange/pinhole digits capture/fitness capture/preflight verify/* report/words
+report/numbers report/chapters report/sign_off model/finding patterns/kinds/* patterns/presets
 """
 REFUSING = """
 atomic fields project/archive project/boards project/captures project/images project/lock project/made project/rigs
-patterns/* patterns/kinds/* capture/* decode/* measure/board measure/identify measure/picks measure/targets measure/view
-calibrate/depth calibrate/photogrammetric evaluate/planes evaluate/profile reconstruct/* reconstruct/export/*
+patterns/* patterns/kinds/* capture/* verify/* decode/* decode/*/* measure/board measure/targets measure/identity/*
+calibrate/depth/* calibrate/photogrammetric evaluate/planes evaluate/profile reconstruct/* reconstruct/export/*
 pipeline/calibrate pipeline/capture pipeline/decode pipeline/evaluate pipeline/folders pipeline/measure pipeline/orient
 pipeline/picking pipeline/planning pipeline/reconstruct pipeline/runs pipeline/sequences pipeline/signing
 pipeline/tables pipeline/testfield pipeline/views report/board orient/known
@@ -50,6 +48,9 @@ NOT_TOLD = {
     *(", or ", "give at least {} to tell place, light and offset"),
     *("the capture was seen by one camera alone", "leave it out"),
     *("claims black", "claims {} and is {}"),
+    *("frames {} and {}", "two phase steps", "frames across {} contradict each other: {} were exchanged"),
+    *("it is of another capture, or something moved or flickered in part; record again", "frames across {}: {}"),
+    *("agree on no line", "run apart, by {} lines over the field"),
     " the same{}: correct exposure_ms in capture.json, or put the frames in order",
 }
 
@@ -86,14 +87,20 @@ def sentences(node: ast.AST) -> Iterator[str]:
             yield from sentences(child)
 
 
+def files_of(rooms: str) -> list[Path]:
+    """Give the files of rooms, of which each has some."""
+    found = {room: sorted(ROOT.glob(f"{room}.py")) for room in rooms.split()}
+    assert all(found.values()), [room for room, files in found.items() if not files]
+    return [file for files in found.values() for file in files]
+
+
 def said() -> dict[str, str]:
     """Give every sentence of the rooms, and the file that says it."""
-    root, found = Path(core.__file__).parent, {}
-    for room in ROOMS.split():
-        for file in sorted(root.glob(f"{room}.py")):
-            for text in sentences(ast.parse(file.read_text(encoding="utf-8"))):
-                if " " in text.strip(" {}") and re.search("[a-z]{2}", text.replace("{}", "")):
-                    found.setdefault(text, f"{file.relative_to(root)}")
+    found: dict[str, str] = {}
+    for file in files_of(ROOMS):
+        for text in sentences(ast.parse(file.read_text(encoding="utf-8"))):
+            if " " in text.strip(" {}") and re.search("[a-z]{2}", text.replace("{}", "")):
+                found.setdefault(text, f"{file.relative_to(ROOT)}")
     return {text: file for text, file in found.items() if text not in NOT_TOLD}
 
 
@@ -116,22 +123,22 @@ def test_every_sentence_has_a_translation(german: None) -> None:
 
 def test_every_refusal_of_what_the_window_reads_and_does_has_a_translation(german: None) -> None:
     """Those of readers, of picks and of `patterns` stood in English in its messages."""
-    root, left = Path(core.__file__).parent, []
-    for file in (file for room in REFUSING.split() for file in sorted(root.glob(f"{room}.py"))):
+    left = []
+    for file in files_of(REFUSING):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func) in ("InputError", "StripeError", "BusyError"):
                 for text in (text for part in node.args[1:] for text in sentences(part)):
                     filled = text.replace("{}", "7")
                     spoken = " " in text.strip(" {}") and re.search("[a-z]{2}", text.replace("{}", ""))
                     if spoken and text not in NOT_TOLD and told(filled) == filled:
-                        left.append(f"{file.relative_to(root)}: {text}")
+                        left.append(f"{file.relative_to(ROOT)}: {text}")
     assert not left, "\n".join(left) + "translate these in resources/translations/core_de.json"
 
 
 def test_whatever_is_said_of_running_work_has_a_translation(german: None) -> None:
     """It stood in English in the window's bar."""
-    files, left = Path(core.__file__).parent.rglob("*.py"), []
-    for file in (file for file in files if file.stem != "batch"):  # which is the command's alone
+    left = []
+    for file in (file for file in ROOT.rglob("*.py") if file.stem != "batch"):  # which is the command's alone
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func) == "progress" and len(node.args) == 2:
                 filled = template(node.args[1]).replace("{}", "7")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from core.calibrate.equations import linearise
-from core.calibrate.initial import initial_state
-from core.calibrate.problem import problem_of
-from core.calibrate.state import Step, moved
+from core.calibrate.approximate.initial import initial_state
+from core.calibrate.solution.equations import linearise
+from core.calibrate.solution.problem import problem_of
+from core.calibrate.solution.state import Step, moved
 from core.geometry import LENSES, Pose, project
 from core.model import Interior
 

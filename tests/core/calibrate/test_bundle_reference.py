@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from core.calibrate import adjust
-from core.calibrate.covariance import point_cofactors, pose_cofactors, redundancy_numbers
-from core.calibrate.elimination import reduce
-from core.calibrate.equations import linearise
-from core.calibrate.initial import initial_state
-from core.calibrate.iterate import iterate
-from core.calibrate.problem import problem_of
+from core.calibrate.approximate.initial import initial_state
+from core.calibrate.solution.covariance import point_cofactors, pose_cofactors, redundancy_numbers
+from core.calibrate.solution.elimination import reduce
+from core.calibrate.solution.equations import linearise
+from core.calibrate.solution.iterate import iterate
+from core.calibrate.solution.problem import problem_of
 from core.geometry import LENSES, Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
 from core.geometry import estimated as names_estimated
 from core.model import Interior

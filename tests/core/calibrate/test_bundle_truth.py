@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import AdjustOptions, adjust
-from core.calibrate.datum import datum_columns
+from core.calibrate.solution.datum import datum_columns
 from core.geometry import LENSES
 
 NOISE_FREE = {"noise": 0.0, "poses": 8, "rows": 5, "cols": 7, "extent_mm": 190.0}

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.calibrate.depth import DepthOptions, DepthPlane, calibrate_depth, choose_axis
+from core.calibrate.depth.calibration import DepthOptions, DepthPlane, calibrate_depth, choose_axis
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
 from core.model import DeviceSpec, Interior, PhaseMap, TargetSet, Testfield

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.calibrate.depth_smooth import smooth_maps
+from core.calibrate.depth.smooth import smooth_maps
 
 H, W = 120, 160
 COLUMNS, ROWS = np.meshgrid(np.arange(W), np.arange(H))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.calibrate.depth_camera import TargetPlane, _decorrelated, _derivatives, _sigmas, _unpack, orient_camera
+from core.calibrate.depth.camera import TargetPlane, _decorrelated, _derivatives, _sigmas, _unpack, orient_camera
 from core.geometry import (
     Pose,
     matrix_from_rotation_vector,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import AdjustOptions, adjust
-from core.calibrate.resection import resect_despite_errors
+from core.calibrate.approximate.resection import resect_despite_errors
 from core.calibrate.selection import selected
 from core.checks import adjustment_concerns
 from core.errors import AdjustmentError
@@ -187,7 +187,7 @@ def test_large_residuals_that_no_parameter_explains_do_not_keep_it_from_convergi
     devices = {**network.devices, "camera": replace(network.devices["camera"], estimate=names)}
     held = replace(network, devices=devices)
     quick = adjust(held, options=AdjustOptions(max_iterations=60))
-    monkeypatch.setattr("core.calibrate.iterate.SLOW", 2.0)
+    monkeypatch.setattr("core.calibrate.solution.iterate.SLOW", 2.0)
     slow = adjust(held, options=AdjustOptions(max_iterations=500))
     assert quick.iterations < 40 < slow.iterations
     # both within 1e-5 sigma of the same solution, as the tolerance says

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from core.calibrate import AdjustOptions, adjust, calibrate_photogrammetric
-from core.calibrate.equations import linearise
-from core.calibrate.initial import initial_state
-from core.calibrate.problem import problem_of
-from core.calibrate.state import Step, moved
+from core.calibrate.approximate.initial import initial_state
+from core.calibrate.solution.equations import linearise
+from core.calibrate.solution.problem import problem_of
+from core.calibrate.solution.state import Step, moved
 from core.errors import AdjustmentError, InputError
 from core.figures import adjustment_figures
 from core.geometry import (
@@ -211,7 +211,7 @@ def test_a_known_board_is_held() -> None:
 def test_weighted_points_are_what_a_dense_adjustment_makes_of_them(monkeypatch, by_points: bool) -> None:
     """The same normal equations written out, solved from the solution: no step is left."""
     if by_points:
-        monkeypatch.setattr("core.calibrate.problem.MOST_REDUCED", 0)
+        monkeypatch.setattr("core.calibrate.solution.problem.MOST_REDUCED", 0)
     rng = np.random.default_rng(8)
     network, points = a_camera(poses=8)
     sigma = np.full(points.shape, 0.05)

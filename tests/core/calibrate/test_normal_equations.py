@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.calibrate.equations import cost_of, linearise, misclosures
-from core.calibrate.initial import initial_state
-from core.calibrate.normals import SingularNormalsError, assemble
-from core.calibrate.problem import problem_of
-from core.calibrate.refinement import refined, robust_factors
-from core.calibrate.state import Step, moved
-from core.calibrate.stations import oriented_stations, resectable
+from core.calibrate.approximate.initial import initial_state
+from core.calibrate.approximate.refinement import refined, robust_factors
+from core.calibrate.approximate.stations import oriented_stations, resectable
+from core.calibrate.solution.equations import cost_of, linearise, misclosures
+from core.calibrate.solution.normals import SingularNormalsError, assemble
+from core.calibrate.solution.problem import problem_of
+from core.calibrate.solution.state import Step, moved
 
 
 def dense_normals(problem, state, damping):

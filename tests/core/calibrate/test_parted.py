@@ -8,7 +8,7 @@ import pytest
 
 from core.calibrate import AdjustOptions, calibrate_photogrammetric
 from core.calibrate.adjust import explained
-from core.calibrate.parted import parted
+from core.calibrate.diagnosis.parted import parted
 from core.errors import AdjustmentError
 from core.model import Rig
 from tests.core.calibrate.test_rigid_rig import COLS, ROWS, target_sets

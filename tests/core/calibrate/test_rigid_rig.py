@@ -17,9 +17,9 @@ from core.calibrate import (
     next_poses,
 )
 from core.calibrate.adjust import solve_network
-from core.calibrate.datum import datum_columns
-from core.calibrate.next_pose import NextPose
-from core.calibrate.rigid import rigidity_of
+from core.calibrate.diagnosis.next_pose import NextPose
+from core.calibrate.diagnosis.rigid import rigidity_of
+from core.calibrate.solution.datum import datum_columns
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_vector_from_matrix
 from core.measure import View, eccentricity, unmeasured
@@ -355,7 +355,7 @@ def in_rows(t):
 def test_errors_that_targets_share_are_in_the_covariance(measured, monkeypatch, by_points):
     _, rig, field, sets, bar = measured
     if by_points:
-        monkeypatch.setattr("core.calibrate.problem.MOST_REDUCED", 0)
+        monkeypatch.setattr("core.calibrate.solution.problem.MOST_REDUCED", 0)
     for k in (1, 4):
         gradient = np.tile([[0.9, 0.1], [-0.1, 1.1]], (len(sets[k].row), 1, 1))
         shifts = np.array([[16, -6, 0], [-6, 9, 2], [0, 2, 4]]) * 1e-4

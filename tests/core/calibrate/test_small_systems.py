@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.calibrate.initial import _median_pose
+from core.calibrate.approximate.initial import _median_pose
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.numerics.small import solve_in_place
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from core.calibrate import AdjustOptions, adjust
-from core.calibrate.initial import initial_state
-from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import problem_of
-from core.calibrate.solve import settled
-from core.calibrate.weakness import UndeterminedError, singular_error
+from core.calibrate.approximate.initial import initial_state
+from core.calibrate.diagnosis.weakness import UndeterminedError, singular_error
+from core.calibrate.solution.normals import SingularNormalsError
+from core.calibrate.solution.problem import problem_of
+from core.calibrate.solution.solve import settled
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_axis_angle
 from core.model import Interior, NetworkScale

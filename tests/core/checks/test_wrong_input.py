@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import calibrate_photogrammetric
-from core.calibrate.depth_camera import TargetPlane, orient_camera
+from core.calibrate.depth.camera import TargetPlane, orient_camera
 from core.checks import (
     adjustment_concerns,
     depthless_concerns,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.problem import Observed, Problem
-from core.calibrate.state import State, Unknowns, unknowns_of
+from core.calibrate.solution.problem import Observed, Problem
+from core.calibrate.solution.state import State, Unknowns, unknowns_of
 from core.compiling import njit
 from core.lazy import dataclass
 from core.model import Array, NetworkScale

@@ -14,8 +14,8 @@ from itertools import combinations
 import cv2
 import numpy as np
 
-from core.calibrate.initial import intersections
-from core.calibrate.resection import resect_despite_errors, residuals_of
+from core.calibrate.approximate.initial import intersections
+from core.calibrate.approximate.resection import resect_despite_errors, residuals_of
 from core.calibrate.selection import Warnings, known_points
 from core.errors import AdjustmentError
 from core.geometry import Pose, nominal, pixel_to_image, similarity, undistort

@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.elimination import reduce
-from core.calibrate.equations import linearise
-from core.calibrate.normals import solve_factor
-from core.calibrate.problem import RELATIVE, Problem, problem_of
-from core.calibrate.state import State
-from core.calibrate.weakness import effects
+from core.calibrate.diagnosis.weakness import effects
+from core.calibrate.solution.elimination import reduce
+from core.calibrate.solution.equations import linearise
+from core.calibrate.solution.normals import solve_factor
+from core.calibrate.solution.problem import RELATIVE, Problem, problem_of
+from core.calibrate.solution.state import State
 from core.geometry import estimated, lens_of
 from core.lazy import dataclass
 from core.model import Array, Concern, Network

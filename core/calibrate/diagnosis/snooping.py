@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.equations import Equations
-from core.calibrate.problem import Problem
-from core.calibrate.robust import misfits
-from core.calibrate.state import State
+from core.calibrate.solution.equations import Equations
+from core.calibrate.solution.problem import Problem
+from core.calibrate.solution.robust import misfits
+from core.calibrate.solution.state import State
 from core.errors import AdjustmentError
 from core.model import Array, Concern, Ints, Network
 from core.numerics import normal_limit, sigma_by_median

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.columns import resect_columns
-from core.calibrate.equations import misclosures
-from core.calibrate.problem import Problem, problem_of
+from core.calibrate.approximate.columns import resect_columns
+from core.calibrate.approximate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
 from core.calibrate.selection import Bools, Warnings, known_points
-from core.calibrate.state import State, interior_of, poses_in_devices
-from core.calibrate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
+from core.calibrate.solution.equations import misclosures
+from core.calibrate.solution.problem import Problem, problem_of
+from core.calibrate.solution.state import State, interior_of, poses_in_devices
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, undistort
 from core.model import Array, Ints, Network

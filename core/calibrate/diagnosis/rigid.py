@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.covariance import pose_cofactors
-from core.calibrate.iterate import NotConvergedError, Solution, iterate
-from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import Problem, problem_of, weighted_problem
-from core.calibrate.solve import Solved
-from core.calibrate.state import State
-from core.calibrate.weakness import singular_error, unsolved_error
+from core.calibrate.diagnosis.weakness import singular_error, unsolved_error
+from core.calibrate.solution.covariance import pose_cofactors
+from core.calibrate.solution.iterate import NotConvergedError, Solution, iterate
+from core.calibrate.solution.normals import SingularNormalsError
+from core.calibrate.solution.problem import Problem, problem_of, weighted_problem
+from core.calibrate.solution.solve import Solved
+from core.calibrate.solution.state import State
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, rotation_vector_from_matrix
 from core.geometry.pairs import relative_derivatives

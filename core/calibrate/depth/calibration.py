@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.algebra import on_own_threads
-from core.calibrate.depth_camera import PlateCamera, TargetPlane, orient_camera
-from core.calibrate.depth_curves import Curves, fit_curves
-from core.calibrate.depth_smooth import smooth_maps
+from core.calibrate.depth.camera import PlateCamera, TargetPlane, orient_camera
+from core.calibrate.depth.curves import Curves, fit_curves
+from core.calibrate.depth.smooth import smooth_maps
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose
 from core.lazy import dataclass

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.problem import Problem, movements
-from core.calibrate.state import State
+from core.calibrate.solution.problem import Problem, movements
+from core.calibrate.solution.state import State
 from core.errors import InputError
 from core.geometry import similarity
 from core.model import Array, Network

@@ -13,12 +13,12 @@ from itertools import product
 import numpy as np
 
 from core.calibrate.adjust import solve_network
-from core.calibrate.equations import POSE, linearise
-from core.calibrate.left_out import global_names
-from core.calibrate.normals import reduced_equations
-from core.calibrate.problem import problem_of
-from core.calibrate.solve import AdjustOptions, Solved
-from core.calibrate.state import interior_of
+from core.calibrate.diagnosis.left_out import global_names
+from core.calibrate.solution.equations import POSE, linearise
+from core.calibrate.solution.normals import reduced_equations
+from core.calibrate.solution.problem import problem_of
+from core.calibrate.solution.solve import AdjustOptions, Solved
+from core.calibrate.solution.state import interior_of
 from core.digits import fixed
 from core.errors import InputError
 from core.geometry import Pose, matrix_from_axis_angle, project

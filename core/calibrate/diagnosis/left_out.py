@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from core.calibrate.adjust import solve_network
-from core.calibrate.normals import reduced_equations
-from core.calibrate.solve import AdjustOptions, Solved
-from core.calibrate.weakness import ORIENTATION
+from core.calibrate.diagnosis.weakness import ORIENTATION
+from core.calibrate.solution.normals import reduced_equations
+from core.calibrate.solution.solve import AdjustOptions, Solved
 from core.errors import InputError
 from core.geometry import LENSES
 from core.lazy import dataclass

@@ -21,11 +21,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.datum import datum_columns, null_space
-from core.calibrate.equations import distance_equation
-from core.calibrate.normals import Factor, Inverse, Normals, assemble, factorise, inverse_of_factor, solve_factor
-from core.calibrate.problem import Problem
-from core.calibrate.state import State, Step
+from core.calibrate.solution.datum import datum_columns, null_space
+from core.calibrate.solution.equations import distance_equation
+from core.calibrate.solution.normals import (
+    Factor,
+    Inverse,
+    Normals,
+    assemble,
+    factorise,
+    inverse_of_factor,
+    solve_factor,
+)
+from core.calibrate.solution.problem import Problem
+from core.calibrate.solution.state import State, Step
 from core.lazy import dataclass
 from core.model import Array
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.datum import aligned
-from core.calibrate.elimination import Reduced, WithoutPoints, reduce
-from core.calibrate.equations import cost_of
-from core.calibrate.normals import Inverse, SingularNormalsError
-from core.calibrate.problem import Problem, by_fewest
-from core.calibrate.state import State, Step, moved
+from core.calibrate.solution.datum import aligned
+from core.calibrate.solution.elimination import Reduced, WithoutPoints, reduce
+from core.calibrate.solution.equations import cost_of
+from core.calibrate.solution.normals import Inverse, SingularNormalsError
+from core.calibrate.solution.problem import Problem, by_fewest
+from core.calibrate.solution.state import State, Step, moved
 from core.lazy import dataclass
 from core.progress import SILENT, Progress
 

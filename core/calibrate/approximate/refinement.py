@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.equations import POSE, equations_band, room_for_block
-from core.calibrate.problem import Observed, Problem
-from core.calibrate.state import State, Unknowns, unknowns_of
+from core.calibrate.solution.equations import POSE, equations_band, room_for_block
+from core.calibrate.solution.problem import Observed, Problem
+from core.calibrate.solution.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.model import Array, Ints
 from core.numerics.small import solve_in_place

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.covariance import point_cofactors
-from core.calibrate.elimination import reduce
-from core.calibrate.equations import Equations, largest_displacements, linearise, misclosures
-from core.calibrate.from_images import dimensions
-from core.calibrate.iterate import NotConvergedError
-from core.calibrate.normals import Inverse, SingularNormalsError
-from core.calibrate.problem import Problem
-from core.calibrate.state import State, interior_of, moved, poses_in_devices
+from core.calibrate.approximate.from_images import dimensions
+from core.calibrate.solution.covariance import point_cofactors
+from core.calibrate.solution.elimination import reduce
+from core.calibrate.solution.equations import Equations, largest_displacements, linearise, misclosures
+from core.calibrate.solution.iterate import NotConvergedError
+from core.calibrate.solution.normals import Inverse, SingularNormalsError
+from core.calibrate.solution.problem import Problem
+from core.calibrate.solution.state import State, interior_of, moved, poses_in_devices
 from core.errors import AdjustmentError, listed
 from core.geometry import LENSES, Lens, regular
 from core.model import Array, Ints, Network

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.datum import aligned
-from core.calibrate.equations import cost_of, misclosures
-from core.calibrate.iterate import MOST_DAMPING, next_damping, regular, shortened
-from core.calibrate.problem import Problem, reweighted
-from core.calibrate.state import State
+from core.calibrate.solution.datum import aligned
+from core.calibrate.solution.equations import cost_of, misclosures
+from core.calibrate.solution.iterate import MOST_DAMPING, next_damping, regular, shortened
+from core.calibrate.solution.problem import Problem, reweighted
+from core.calibrate.solution.state import State
 from core.model import Array
 from core.numerics import sigma_by_median
 

@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.elimination import reduce
-from core.calibrate.equations import cost_of, misclosures
-from core.calibrate.normals import SingularNormalsError, assemble
-from core.calibrate.problem import COMPILED, RELATIVE, Problem, most_parameters, problem_of, reweighted
-from core.calibrate.refinement import refined, robust_factors
-from core.calibrate.resection import resect_despite_errors
-from core.calibrate.state import State, moved
+from core.calibrate.approximate.refinement import refined, robust_factors
+from core.calibrate.approximate.resection import resect_despite_errors
+from core.calibrate.solution.elimination import reduce
+from core.calibrate.solution.equations import cost_of, misclosures
+from core.calibrate.solution.normals import SingularNormalsError, assemble
+from core.calibrate.solution.problem import COMPILED, RELATIVE, Problem, most_parameters, problem_of, reweighted
+from core.calibrate.solution.state import State, moved
 from core.errors import AdjustmentError
 from core.geometry import LENSES, estimated, fitted, lens_of
 from core.model import Array, DeviceSpec, Interior, Network, NetworkDevice

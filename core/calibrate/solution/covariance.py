@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from core.calibrate.equations import GLOBALS, Equations
-from core.calibrate.normals import Inverse, Layout, layout_of
-from core.calibrate.problem import RELATIVE, Problem
+from core.calibrate.solution.equations import GLOBALS, Equations
+from core.calibrate.solution.normals import Inverse, Layout, layout_of
+from core.calibrate.solution.problem import RELATIVE, Problem
 from core.compiling import njit
 from core.model import Array, Ints
 from core.parallel import run_in_bands

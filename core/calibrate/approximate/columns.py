@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.problem import RELATIVE, Problem, never_observed
 from core.calibrate.selection import Warnings
+from core.calibrate.solution.problem import RELATIVE, Problem, never_observed
 from core.geometry import Pose, estimated, lens_of
 from core.model import Array, Network
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.calibrate.equations import GLOBALS, POINT, POSE, equations_band, room_for_block
-from core.calibrate.problem import RELATIVE, Observed, Problem
-from core.calibrate.state import State, Unknowns, unknowns_of
+from core.calibrate.solution.equations import GLOBALS, POINT, POSE, equations_band, room_for_block
+from core.calibrate.solution.problem import RELATIVE, Observed, Problem
+from core.calibrate.solution.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.lazy import dataclass
 from core.model import Array, Ints

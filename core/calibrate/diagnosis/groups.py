@@ -12,12 +12,12 @@ from itertools import combinations
 
 import numpy as np
 
-from core.calibrate.iterate import NotConvergedError, iterate
-from core.calibrate.normals import SingularNormalsError
-from core.calibrate.problem import Problem, problem_of, weighted_problem
-from core.calibrate.robust import misfits, robust_state
 from core.calibrate.selection import Warnings, adjustable, selected
-from core.calibrate.state import State
+from core.calibrate.solution.iterate import NotConvergedError, iterate
+from core.calibrate.solution.normals import SingularNormalsError
+from core.calibrate.solution.problem import Problem, problem_of, weighted_problem
+from core.calibrate.solution.robust import misfits, robust_state
+from core.calibrate.solution.state import State
 from core.errors import AdjustmentError
 from core.lazy import dataclass
 from core.model import Array, Ints, Network

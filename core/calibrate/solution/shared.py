@@ -16,8 +16,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from core.calibrate.equations import GLOBALS, POINT, POSE
-from core.calibrate.solve import Solved
+from core.calibrate.solution.equations import GLOBALS, POINT, POSE
+from core.calibrate.solution.solve import Solved
 from core.model import Array, Ints, Network, TargetSet
 
 

@@ -6,14 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.calibrate.covariance import global_cofactors, point_cofactors, redundancy_numbers
-from core.calibrate.equations import Equations, linearise, misclosures
-from core.calibrate.iterate import NotConvergedError, iterate
-from core.calibrate.normals import Inverse, SingularNormalsError
-from core.calibrate.problem import Problem, weighted_problem
-from core.calibrate.selection import Warnings
-from core.calibrate.state import State, interior_of, station_orientations
-from core.calibrate.weakness import (
+from core.calibrate.diagnosis.weakness import (
     ORIENTATION,
     UndeterminedError,
     check_estimable,
@@ -21,6 +14,13 @@ from core.calibrate.weakness import (
     singular_error,
     unsolved_error,
 )
+from core.calibrate.selection import Warnings
+from core.calibrate.solution.covariance import global_cofactors, point_cofactors, redundancy_numbers
+from core.calibrate.solution.equations import Equations, linearise, misclosures
+from core.calibrate.solution.iterate import NotConvergedError, iterate
+from core.calibrate.solution.normals import Inverse, SingularNormalsError
+from core.calibrate.solution.problem import Problem, weighted_problem
+from core.calibrate.solution.state import State, interior_of, station_orientations
 from core.errors import AdjustmentError
 from core.geometry import LENSES, Pose
 from core.lazy import dataclass

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.calibrate.problem import RELATIVE, Problem
+from core.calibrate.solution.problem import RELATIVE, Problem
 from core.geometry import LENSES, Pose, matrix_from_rotation_vector
 from core.lazy import dataclass
 from core.model import Array, Interior
