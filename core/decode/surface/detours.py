@@ -23,7 +23,7 @@ from core.numerics import distinct, median_of
 
 LOOKS = 49, 144  # pixels of a tile that are looked at
 EDGE_LOOKS = 25  # for edges of bits
-GOLDEN = 0.618  # whose multiples are spread evenly, and in step with nothing
+ANYWHERE = 0.6180339887, 0.7548776662  # whose products with squares leave fractions as if drawn by lot
 FEWEST = 24  # that tell it
 NEAREST, FARTHEST = 2, 5  # tiles to either side that tell it for one
 BITS = 3  # that tell it
@@ -124,12 +124,8 @@ def _part(
 
 def _by_edges(images: Sequence[Image], table: AxisTable, limits: Limits, place: Singles) -> Singles | None:
     """Find it by edges of bits that are not where phases say."""
-    (height, width), every = place.shape, place.reshape(-1)
-    rows, columns = (_places(n, EDGE_LOOKS) for n in place.shape)
-    # at even distances they may be in step with the lines
-    down, across = (np.arange(len(each)) * GOLDEN % 1 - 0.5 for each in (columns, rows))
-    row = np.clip(np.rint(rows[:, None] + down * height / len(rows)), 0, height - 1).astype(np.intp)
-    column = np.clip(np.rint(columns + across[:, None] * width / len(columns)), 0, width - 1).astype(np.intp)
+    width, every = place.shape[1], place.reshape(-1)
+    row, column = _scattered(place.shape)
     pixel = row * width + column
     here = every[pixel]
     bends = []
@@ -181,6 +177,19 @@ def _places(size: int, pixels: int) -> NDArray[np.intp]:
     """Rows or columns that are looked at: as many in every tile."""
     each = max(1, min(round(pixels**0.5), size // TILES))
     return np.asarray((np.arange(TILES * each) + 0.5) * size / (TILES * each), np.intp)
+
+
+def _scattered(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of pixels that are looked at for edges, as many in every tile, each anywhere in its own part.
+
+    At even distances they would be in step with the lines, and so would multiples of a number on a tilted surface.
+    """
+    rows, columns = (_places(n, EDGE_LOOKS) for n in shape)
+    number = np.arange(len(rows) * len(columns), dtype=float).reshape(len(rows), -1)
+    down, across = (number * number * part % 1 - 0.5 for part in ANYWHERE)
+    places = (rows[:, None] + down * shape[0] / len(rows), columns + across * shape[1] / len(columns))
+    row, column = (np.clip(np.rint(at), 0, n - 1).astype(np.intp) for at, n in zip(places, shape, strict=True))
+    return row, column
 
 
 def _steps(place: Singles) -> tuple[float, float]:
