@@ -75,6 +75,7 @@ def notes_on(
     missing = flags & np.uint8(sum(int(flag) for flag in wanted)) != 0
     if missing.mean() <= MANY:
         return ()
+    full = float(limits.saturation) / steps
     contrast = sample.max(axis=0) - sample.min(axis=0)
     noise = np.sqrt(limits.variance(contrast))
     lit = contrast > LIT * noise
@@ -84,6 +85,8 @@ def notes_on(
     lit = contrast > LIT * noise / excess
     if lit.mean() < NOWHERE:
         lit = _lit_by_means(images, sample, noise / excess)
+    if lit.mean() < NOWHERE and np.median(sample) >= limits.saturation:
+        return (Note(f"The frames are at full scale ({full:.0f}) all over. Expose shorter or stop the lens down."),)
     if lit.mean() < NOWHERE:
         level = f"their frames differ by {np.median(contrast) / steps:.0f} grey values in the median"
         remedy = "See that the projector reaches the object, that its frames are those shown, and expose longer"
@@ -96,7 +99,6 @@ def notes_on(
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
     usual = float(np.median(noise[lit])) / steps
-    full = float(limits.saturation) / steps
     causes = _causes(seen[lost], len(seen), full, (usual, usual / excess), tables, detour)
     if not causes:
         return (Note(f"{head}."),)

@@ -145,6 +145,9 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
 def _light(sampled: Sampled, board: bool) -> list[Finding]:
     contrast = sampled.contrast
     lit = contrast > 0.03 * sampled.full
+    if lit.mean() < DARK and np.median(sampled.grey) >= sampled.full:
+        text = "the frames are saturated all over: shorten the exposure or close the aperture, and record again"
+        return [Finding("light", "bad", text, {"saturated": 1.0})]
     if lit.mean() < DARK:
         text = "hardly any light of the projector in the image: lamp, lens, exposure, or frames of another capture"
         return [Finding("light", "bad", text, {"lit": float(lit.mean())})]

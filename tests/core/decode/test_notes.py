@@ -56,6 +56,12 @@ def test_grey_values_are_those_of_the_frames_where_decoding_makes_finer_steps_of
     assert "full scale (255)" in phase.notes[0]
 
 
+def test_frames_at_full_scale_all_over_are_not_called_dark(bench) -> None:
+    note = noted(bench, gain=900.0, ambient=300.0)
+    assert "at full scale (255) all over" in note
+    assert "Expose shorter" in note
+
+
 def test_overexposure_accuses_no_frames(bench) -> None:
     """White is saturated all over: it shows no noise, and bits contradict phases that are cut off."""
     seen = np.where(np.arange(1000) < 700, np.linspace(200, 420, 1000), 0.0)[None, :]

@@ -371,6 +371,13 @@ def test_sound_captures_raise_nothing(name: str, gamma: float, roll: float, dots
     assert told(patterns, render(patterns, 11, gamma=gamma, roll=roll, dots=dots)) == ""
 
 
+def test_frames_that_are_saturated_all_over_are_not_called_dark() -> None:
+    patterns = SEQUENCES["reference"]
+    found = told(patterns, [np.full(SHAPE, 255, np.uint8)] * len(patterns), decoded=False)
+    assert "saturated all over: shorten the exposure" in found
+    assert "hardly any light" not in found
+
+
 def test_light_sections_are_not_dark() -> None:
     """Each pixel is bright in few of the frames: 0.9 of them said that there was hardly any light."""
     patterns: list[Pattern] = [Line(axis, i, 2) for axis in "xy" for i in range(1, 160, 4)]  # type: ignore[arg-type]
