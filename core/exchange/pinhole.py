@@ -69,7 +69,8 @@ def fit_pair(
 ) -> Pair:
     """Say a camera and a projector (the first, if unnamed) in this model with a format's distortion parameters.
 
-    Two cameras go the same way, the second one in the projector's place.
+    Two cameras go the same way, the second one in the projector's place. A calibration that failed has no sigmas to
+    hand on.
 
     Raises
     ------
@@ -82,8 +83,8 @@ def fit_pair(
     own = pair.camera, pair.projector
     names = (camera, projector) if projector in calibration.cameras else ("camera", "projector")
     found = [fit_device(n, d.spec, d.interior, free) for n, d in zip(names, own, strict=True)]
-    covariance = None
-    if np.any(np.diagonal(pair.covariance) > 0):
+    covariance, failed = None, calibration.verdict is not None and calibration.verdict.state == "failed"
+    if np.any(np.diagonal(pair.covariance) > 0) and not failed:
         use = [k for k, n in enumerate(VALUES) if n not in DISTORTION or n in free]
         ways = ((_ours(d), _theirs(p), p) for d, p in zip(own, found, strict=True))
         covariance = _carried(pair.covariance, ways, pose, np.eye(3), use)

@@ -18,7 +18,7 @@ import scipy.io
 from core.errors import InputError
 from core.exchange import FORMATS, fit_pair, pair_to_calibration
 from core.geometry import Pose, matrix_from_rotation_vector, pair_of, perturbed, project
-from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration
+from core.model import AdjustedDevice, DeviceSpec, Interior, PhaseMap, PhotogrammetricCalibration, Verdict
 from core.orient import find_motion
 from core.pipeline.orient_words import motion_words
 from tests.calibrated import calibration_of_pair
@@ -247,6 +247,9 @@ def test_sigmas_go_there_and_come_back(name, calibration, points, tmp_path) -> N
     FORMATS[name].write(fit_pair(known, FORMATS[name].free), path)
     back = pair_to_calibration(FORMATS[name].read(path), DEVICES, "file")
     assert back.verdict.state == "passed"
+    failed = dataclasses.replace(known, verdict=Verdict("failed", ("its plates bend",)))
+    FORMATS[name].write(fit_pair(failed, FORMATS[name].free), path)  # whose sigmas are none
+    assert pair_to_calibration(FORMATS[name].read(path), DEVICES, "file").verdict.state == "doubtful"
     near = points[:30]
 
     def spread(of: PhotogrammetricCalibration) -> np.ndarray:
