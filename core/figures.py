@@ -48,7 +48,8 @@ def adjustment_figures(adjustment: Adjustment) -> Figures:
         "object_points": len(adjustment.points_mm),
         "variance_factors": dict(adjustment.variance_factors),
         "orientations": {
-            name: {"from": bases[name], **pose_figures(pose)} for name, pose in adjustment.relative.items()
+            name: {"from": bases[name], **_known_pose(pose, orientation_variances(adjustment, name))}
+            for name, pose in adjustment.relative.items()
         },
         "poses": {
             name: pose_figures(pose)

@@ -11,7 +11,16 @@ import numpy as np
 from core.errors import InputError
 from core.geometry.lens import lens_of
 from core.geometry.rotation import Pose, cross_matrix
-from core.model import AdjustedDevice, Array, Capture, Orientation, Pair, PhaseMap, PhotogrammetricCalibration
+from core.model import (
+    AdjustedDevice,
+    Adjustment,
+    Array,
+    Capture,
+    Orientation,
+    Pair,
+    PhaseMap,
+    PhotogrammetricCalibration,
+)
 
 ORIENTATION = ("rx", "ry", "rz", "tx", "ty", "tz")
 
@@ -26,10 +35,11 @@ def orientation_names(name: str) -> tuple[str, ...]:
     return tuple(f"{name}.{p}" for p in ORIENTATION)
 
 
-def orientation_variances(calibration: PhotogrammetricCalibration, name: str) -> Array:
+def orientation_variances(found: PhotogrammetricCalibration | Adjustment, name: str) -> Array:
     """Variances (6,) of a device's orientation, rad² and mm²."""
-    first = calibration.parameter_names.index(f"{name}.rx")
-    return np.diagonal(calibration.covariance)[first : first + 6]
+    first = found.parameter_names.index(f"{name}.rx")
+    covariance = found.parameter_cov if isinstance(found, Adjustment) else found.covariance
+    return np.diagonal(covariance)[first : first + 6]
 
 
 def held_axes(device_from_base: Pose, variances: Array) -> tuple[str, ...]:

@@ -169,9 +169,13 @@ def _frames(fields: Fields, project: Project | None) -> tuple[tuple[Frame, ...],
             refuse_beyond(pattern, (spec.width, spec.height), f"{entry.where} ({name}): pattern")
         frames.append(Frame(name, pattern, camera, projector, entry.real("exposure_ms", above=0.0, default=None)))
     _check_twice(fields, frames, project)
+    again = Counter(frames)
+    twice = [
+        f"capture.json: {f.place} stands {n} times under one pattern: taken once" for f, n in again.items() if n > 1
+    ]
     if len(_KNOWN_FRAMES) >= _MOST_KNOWN:
         _KNOWN_FRAMES.clear()
-    found = tuple(frames), _misspelt(*entries)
+    found = tuple(again), (*_misspelt(*entries), *(Note(text, "value") for text in twice))
     return _KNOWN_FRAMES.setdefault(key, found) if key else found
 
 

@@ -341,7 +341,7 @@ def test_poses_points_and_residuals_are_those_of_one_geometry() -> None:
 
 
 def test_stations_of_rigid_devices_belong_together_in_their_order(tmp_path: Path) -> None:
-    network, *_ = rigid_pair(CAMERA, CAMERA_TRUTH)
+    network, _, relative = rigid_pair(CAMERA, CAMERA_TRUTH)
     write_network(tmp_path, network)
     path = tmp_path / "network.json"
 
@@ -353,6 +353,13 @@ def test_stations_of_rigid_devices_belong_together_in_their_order(tmp_path: Path
     assert read_network(tmp_path).station_pose == network.station_pose
     found = adjustment_figures(adjust(read_network(tmp_path)))["orientations"]
     assert {name: pose["from"] for name, pose in found.items()} == {"projector": "camera"}
+    own = found["projector"]
+    off = (
+        np.array(own["translation_mm"]) - relative.translation_mm,
+        rotation_vector_from_matrix(np.array(own["rotation"]) @ relative.rotation.T),
+    )
+    ratio = np.concatenate(off) / np.concatenate([own["translation_sigma_mm"], own["rotation_sigma_rad"]])
+    assert 0.3 < np.sqrt(np.mean(ratio**2)) < 2
     data["stations"]["3/camera"]["device"] = "projector"
     path.write_text(json.dumps(data))
     with pytest.raises(InputError, match="11 stations of projector, 9 of camera"):

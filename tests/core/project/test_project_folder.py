@@ -106,6 +106,16 @@ def test_a_capture_is_listed_once_and_unknown_keys_stay(folder: Path) -> None:
     assert (data["captures"], data["operator"]) == (["captures/tf-01", "captures/tf-02"], "Ute")
 
 
+def test_a_file_twice_under_one_pattern_is_taken_once_and_told(folder: Path) -> None:
+    path = folder / "captures/tf-01/capture.json"
+    frames = json.loads(path.read_text())["frames"]
+    edit(path, frames=[*frames, frames[0]])
+    capture = read_capture(path.parent, read_project(folder))
+    assert len(capture.frames) == len(frames)
+    name = frames[0]["file"]
+    assert capture.notes == (f"capture.json: {name} stands 2 times under one pattern: taken once",)
+
+
 def test_a_slip_in_a_key_is_told_and_another_programs_key_is_not(folder: Path) -> None:
     """Unknown keys are no error: the format allows them. One beside a missing key that is like it may be meant."""
     whole = read_project(folder)
