@@ -6,12 +6,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
-from core.devices.dialogue import Dialogue, shown
-from core.devices.link import LineDownError
-from core.devices.profile import COMMANDS, Profile
-from core.devices.profiles import read_profile
-from core.devices.rs232 import described, load_values
-from core.devices.template import Value
+from core.devices.line.dialogue import Dialogue, shown
+from core.devices.line.link import LineDownError
+from core.devices.line.profile import COMMANDS, Profile
+from core.devices.line.profiles import read_profile
+from core.devices.line.rs232 import described, load_values
+from core.devices.line.template import Value
 from core.errors import DeviceError
 from core.lazy import dataclass
 from core.patterns import Code, Level, Line, Lines, Pattern, Phase, White

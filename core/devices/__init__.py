@@ -6,15 +6,7 @@ opening.py   from a URL to a device
 scene.py     what virtual devices look at
 benchscene.py  ... of the virtual bench
 virtual.py   a projector and a camera that share such a scene
-profile.py   how a given serial projector is spoken to
-profiles.py, entries.py, wrapping.py  ... read from a data file in resources/profiles
-template.py  its commands and answers, filled in and recognised
-packing.py   the light of lines in them
-framing.py   lines of text and binary frames, and their check values
-link.py      a serial line or HID reports that always come back in time; which ports there are
-dialogue.py  questions and answers on that line
-rs232.py     a projector on that line
-emulator.py, server.py  the other end of the line: a projector made of bytes, on a pty or a socket
+line         projectors that are spoken to on a line, by a command profile; the other end of it, emulated
 screen.py    any HDMI projector as a second screen
 uvc.py       cameras that OpenCV opens
 genicam.py   industrial cameras through the package harvesters

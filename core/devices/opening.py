@@ -11,8 +11,8 @@ from weakref import WeakValueDictionary
 
 from core.devices.address import Address, parse_address, with_option
 from core.devices.faults import CAMERA_FAULTS, LINK_FAULTS, TRIGGER_FAULTS, parse_faults
-from core.devices.profile import Profile
-from core.devices.profiles import read_profile
+from core.devices.line.profile import Profile
+from core.devices.line.profiles import read_profile
 from core.devices.protocol import Camera, Check, Note, Projector, no_check, no_note
 from core.devices.scene import FlatScene, Scene
 from core.devices.stored import FolderCamera, ReplayScene
@@ -143,7 +143,7 @@ def _folder(address: Address, note: Note, check: Check) -> Camera:
 
 
 def _serial(address: Address, note: Note, check: Check) -> Projector:
-    from core.devices.rs232 import SerialProjector
+    from core.devices.line.rs232 import SerialProjector
 
     if not address.place:
         raise InputError(address.url, "no port", "name it, as in serial:/dev/ttyUSB0 or serial:socket://host:port")
@@ -154,7 +154,7 @@ def _serial(address: Address, note: Note, check: Check) -> Projector:
 
 def _emulated(address: Address, note: Note, check: Check) -> Projector:
     """A serial projector whose other end is an emulator on the stage of a scene."""
-    from core.devices.server import EmulatedProjector
+    from core.devices.line.server import EmulatedProjector
 
     stage = open_stage(Address(address.url, "virtual", address.place, address.options, address.asked))
     profile, settle_s = _profile(address, *stage.scene.projector_size)
@@ -166,7 +166,7 @@ def _emulated(address: Address, note: Note, check: Check) -> Projector:
 
 
 def _screen(address: Address, note: Note, check: Check) -> Projector:
-    from core.devices.dialogue import Dialogue
+    from core.devices.line.dialogue import Dialogue
     from core.devices.screen import ScreenProjector, no_release, open_surface
 
     number = address.place_number("screen")

@@ -17,8 +17,8 @@ from pathlib import Path
 from unittest.mock import patch
 
 from core.capture.probe import questions
-from core.devices.dialogue import Dialogue
-from core.devices.profiles import read_profile
+from core.devices.line.dialogue import Dialogue
+from core.devices.line.profiles import read_profile
 from core.errors import DeviceError
 from core.resources import resource
 from tests.devices.manuals import Device, Dlpc350, Dlpc350OverI2c, Modbus, Optoma, plugged

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from core.devices import link, open_projector
-from core.devices.link import LineDownError, Link
-from core.devices.profile import Port
+from core.devices import open_projector
+from core.devices.line import link
+from core.devices.line.link import LineDownError, Link
+from core.devices.line.profile import Port
 from core.errors import Cancelled, DeviceError, InputError
 
 XON, XOFF = b"\x11", b"\x13"

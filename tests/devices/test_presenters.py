@@ -10,7 +10,7 @@ import pytest
 
 from core.cli import main
 from core.devices import offer_screens, open_projector
-from core.devices.profiles import read_profile
+from core.devices.line.profiles import read_profile
 from core.errors import DeviceError, InputError
 from core.patterns import Black, Line, White
 from core.resources import resource

@@ -7,8 +7,8 @@ import pytest
 
 from core.cli import main
 from core.devices import open_projector
-from core.devices.dialogue import Dialogue
-from core.devices.profiles import profile_names, read_profile
+from core.devices.line.dialogue import Dialogue
+from core.devices.line.profiles import profile_names, read_profile
 from core.errors import DeviceError, InputError
 from core.patterns import Code, Phase
 from core.resources import resource

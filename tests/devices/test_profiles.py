@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from core.cli import main
-from core.devices import link, offer_screens, open_projector
-from core.devices.dialogue import Dialogue
-from core.devices.emulator import Emulator
-from core.devices.framing import CHECKS, CheckSum, unwrap, wrap
-from core.devices.profiles import profile_names, read_profile
+from core.devices import offer_screens, open_projector
+from core.devices.line import link
+from core.devices.line.dialogue import Dialogue
+from core.devices.line.emulator import Emulator
+from core.devices.line.framing import CHECKS, CheckSum, unwrap, wrap
+from core.devices.line.profiles import profile_names, read_profile
+from core.devices.line.server import EmulatedLine
 from core.devices.scene import FlatScene
-from core.devices.server import EmulatedLine
 from core.devices.virtual import Stage
 from core.errors import DeviceError, InputError
 from core.patterns import Black, Code, Level, Line, Phase, White, parse_sequence

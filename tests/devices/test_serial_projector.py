@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from core.devices import LINK_FAULTS, open_camera, open_projector
-from core.devices.emulator import Emulator
-from core.devices.framing import unwrap, wrap
-from core.devices.link import Link
-from core.devices.profile import Port
-from core.devices.profiles import profile_names, read_profile
-from core.devices.rs232 import SerialProjector
+from core.devices.line.emulator import Emulator
+from core.devices.line.framing import unwrap, wrap
+from core.devices.line.link import Link
+from core.devices.line.profile import Port
+from core.devices.line.profiles import profile_names, read_profile
+from core.devices.line.rs232 import SerialProjector
+from core.devices.line.server import EmulatedLine
 from core.devices.scene import FlatScene
-from core.devices.server import EmulatedLine
 from core.devices.virtual import Stage
 from core.errors import Cancelled, DeviceError, InputError, NotThereError
 from core.patterns import Black, Line, White, reference_sequence

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from core.calibrate import calibrate_photogrammetric
-from core.devices.profiles import read_profile
+from core.devices.line.profiles import read_profile
 from core.exchange import FORMATS
 from core.model import Adjustment, PhotogrammetricCalibration, TargetSet
 from core.patterns.spec import read_sequence_file

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from core.devices.profile import Port
+from core.devices.line.profile import Port
 from core.devices.protocol import Check, no_check, wait_until
 from core.errors import DeviceError, InputError
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 
-from core.devices.entries import Entries
-from core.devices.framing import CHECKS, KINDS, PARTS, CheckSum, Framing, agree
-from core.devices.profile import Command
-from core.devices.template import Template, raw
+from core.devices.line.entries import Entries
+from core.devices.line.framing import CHECKS, KINDS, PARTS, CheckSum, Framing, agree
+from core.devices.line.profile import Command
+from core.devices.line.template import Template, raw
 from core.errors import InputError
 
 FRAME_PARTS = tuple(p for p in PARTS if p != "mark")

@@ -12,7 +12,7 @@ from dataclasses import field
 from functools import reduce
 from typing import Literal
 
-from core.devices.template import Template
+from core.devices.line.template import Template
 from core.lazy import dataclass
 
 PARTS = ("start", "head", "length", "body", "mark", "check", "end")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 
-from core.devices.framing import CheckSum, Framing
-from core.devices.packing import LineBits
-from core.devices.template import Template, Value
+from core.devices.line.framing import CheckSum, Framing
+from core.devices.line.packing import LineBits
+from core.devices.line.template import Template, Value
 from core.lazy import dataclass
 from core.patterns import Pattern
 from core.patterns.kinds import KINDS

@@ -11,11 +11,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from core.devices.dialogue import Dialogue, EmptyError, UnansweredError
-from core.devices.link import LineDownError
-from core.devices.profile import Profile
+from core.devices.line.dialogue import Dialogue, EmptyError, UnansweredError
+from core.devices.line.link import LineDownError
+from core.devices.line.profile import Profile
+from core.devices.line.template import Template, Value, calculated, no_room
 from core.devices.protocol import Check, Note, check_sequence, no_check, no_note, pattern_at, refuse_grey
-from core.devices.template import Template, Value, calculated, no_room
 from core.errors import Cancelled, DeviceError, InputError
 from core.patterns import CrossPatternLcd, Pattern, axis_of, brightness, reference_sequence
 from core.patterns.kinds.kind import fields_of

@@ -10,10 +10,10 @@ from itertools import takewhile
 import numpy as np
 
 from core.devices.faults import LINK_FAULTS, Faults
-from core.devices.framing import unwrap, wrap
-from core.devices.profile import Profile
+from core.devices.line.framing import unwrap, wrap
+from core.devices.line.profile import Profile
+from core.devices.line.template import Value, Values
 from core.devices.scene import Lines
-from core.devices.template import Value, Values
 from core.devices.virtual import Stage
 from core.patterns import Black
 
@@ -31,7 +31,7 @@ class Emulator:
 
     Examples
     --------
-    >>> from core.devices.profiles import read_profile
+    >>> from core.devices.line.profiles import read_profile
     >>> from core.devices.scene import FlatScene
     >>> emulator = Emulator(read_profile("stripe-lines", 64, 64), Stage(FlatScene()))
     >>> emulator.feed(b"1 ID?\\r\\n")

@@ -13,11 +13,11 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from core.devices.emulator import Emulator, HangUp
 from core.devices.faults import Faults
-from core.devices.profile import Profile
+from core.devices.line.emulator import Emulator, HangUp
+from core.devices.line.profile import Profile
+from core.devices.line.rs232 import SerialProjector
 from core.devices.protocol import Check, Note, no_check, no_note
-from core.devices.rs232 import SerialProjector
 from core.devices.virtual import Stage
 from core.errors import InputError
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 
-from core.devices.framing import unwrap, wrap
-from core.devices.link import LineDownError, Link
-from core.devices.profile import MEANINGS, Profile, Step
+from core.devices.line.framing import unwrap, wrap
+from core.devices.line.link import LineDownError, Link
+from core.devices.line.profile import MEANINGS, Profile, Step
+from core.devices.line.template import Template, Value, Values, calculated, room_of, takes_anything
 from core.devices.protocol import Check, Note, no_check, no_note, wait_until
-from core.devices.template import Template, Value, Values, calculated, room_of, takes_anything
 from core.errors import DeviceError, NotThereError
 
 _REOPEN_S = 3.0  # for a line to come back

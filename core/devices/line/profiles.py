@@ -8,11 +8,20 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 
-from core.devices.entries import Entries, key_lines
-from core.devices.packing import LineBits
-from core.devices.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
-from core.devices.template import CALCULATED, Template, Value, Words, make_template, no_room, reads_text, takes_anything
-from core.devices.wrapping import free_of, read_check, read_framings
+from core.devices.line.entries import Entries, key_lines
+from core.devices.line.packing import LineBits
+from core.devices.line.profile import COMMANDS, MEANINGS, SHOWN, TOLD, Command, Port, Profile, Step
+from core.devices.line.template import (
+    CALCULATED,
+    Template,
+    Value,
+    Words,
+    make_template,
+    no_room,
+    reads_text,
+    takes_anything,
+)
+from core.devices.line.wrapping import free_of, read_check, read_framings
 from core.errors import InputError
 from core.fields import text_of
 from core.lazy import dataclass
