@@ -37,6 +37,7 @@ FINE, HALF, LIT, MOST = 64, 0.1, 0.5, 0.8  # lines of which fine stripes light h
 # swing that lit pixels have; part of these that must not be saturated
 LONGER, ALIKE = 1.8, 1.1  # times that exposures differ by at least; those of the same stripes
 FOLLOWED = 0.15, 0.2  # power of the exposure by which light grows, 1, or 0.2 by a camera's gamma; of unlike stripes
+FLAT = 0.05  # least part of the steepness squared with which a step counts
 OUTLIER, ROUNDS = 4.0, 3  # standard deviations
 
 
@@ -45,14 +46,15 @@ class Fused(NamedTuple):
 
     `images` are uint16, of `steps` to a grey value of the longest exposure, less than one where the others see beyond
     16 bits of them; where all samples are saturated 65535. An exposure's grey values are ``ground + gain light`` up to
-    `full`, its gain 1 for the longest; `gains` are those that most phase steps have, without these most patterns. `raw`
-    is their noise, None where no pattern was taken twice.
+    `full`, its gain 1 for the longest; `own` are the gains of every pattern's, `gains` those that most phase steps
+    have, without these most patterns. `raw` is their noise, None where no pattern was taken twice.
     """
 
     patterns: list[Pattern]
     images: list[Image]
     steps: float
     ground: float
+    own: list[tuple[float, ...]]
     gains: tuple[float, ...]
     full: float
     raw: Noise | None
@@ -64,17 +66,17 @@ class Fused(NamedTuple):
         if self.raw is None:
             return None
         low, high = (self.steps * (self.ground + part * (self.full - self.ground)) for part in (0.0, 0.5))
-        dark, bright = (self.variance(np.array([level]))[0] for level in (low, high))
+        dark, bright = (self.variance(np.array([level]), self.gains)[0] for level in (low, high))
         slope = (bright - dark) / (high - low)
         floor = ROUNDED + self.steps**2 * self.raw.floor / sum(gain**2 for gain in self.gains)
         return Noise(float(dark - slope * low), float(slope), floor, upto=self.steps * self.full)
 
-    def variance(self, level: NDArray[np.floating]) -> Array:
-        """Give the variance at grey values of the images: it jumps where longer exposures are saturated."""
+    def variance(self, level: NDArray[np.floating], gains: Sequence[float]) -> Array:
+        """Give the variance at grey values of an image of such exposures: it jumps where longer ones are saturated."""
         assert self.raw is not None
         light = level / self.steps - self.ground
         total, weights = np.zeros(level.shape), np.full(level.shape, TINY)
-        for gain in self.gains:
+        for gain in gains:
             seen = self.ground + light * gain
             weight = np.where(seen < self.full, gain**2, 0)
             weights += weight
@@ -82,16 +84,25 @@ class Fused(NamedTuple):
         return np.asarray(ROUNDED + self.steps**2 * total / np.square(weights))
 
     def widen(self, sigma: Singles, axis: Axis) -> None:
-        """Hold in sigmas (H, W) by `noise` what the phase steps show where longer exposures are saturated."""
-        steps = [
-            i for i, p in zip(self.images, self.patterns, strict=True) if axis_of(p) == axis and use_of(p) == "phase"
-        ]
-        if self.noise is None or not steps:
+        """Hold in sigmas (H, W) by `noise` what steps of other exposures show, or where longer ones are saturated.
+
+        A step tells the phase by how steeply its light changes with it: the brightest and the darkest tell nothing.
+        """
+        mine = [n for n, p in enumerate(self.patterns) if axis_of(p) == axis and use_of(p) == "phase"]
+        if self.noise is None or not mine:
             return
-        at = np.max(steps, axis=0) >= self.steps * self.full
-        levels = np.stack([image[at] for image in steps])
-        usual = self.noise.variance(levels).mean(axis=0)
-        sigma[at] *= np.sqrt(self.variance(levels).mean(axis=0) / usual)
+        at = np.max([self.images[n] for n in mine], axis=0) >= self.steps * self.full
+        if any(self.own[n] != self.gains for n in mine):
+            at[:] = True
+        levels = np.stack([self.images[n][at].astype(np.float32) for n in mine])
+        seen = levels < DEEPEST
+        count = np.maximum(np.count_nonzero(seen, axis=0), 1)
+        off = np.where(seen, levels - np.sum(levels, axis=0, where=seen) / count, 0)
+        cosine = np.square(off) / np.maximum(2 * np.sum(np.square(off), axis=0) / count, 1)
+        steep = np.where(seen, np.maximum(1 - cosine, FLAT), 0)
+        usual = np.sum(steep * self.noise.variance(levels), axis=0)
+        told = np.stack([self.variance(level, self.own[n]) for level, n in zip(levels, mine, strict=True)])
+        sigma[at] *= np.sqrt(np.sum(steep * told, axis=0) / np.maximum(usual, TINY))
 
 
 def fuse_exposures(
@@ -142,8 +153,9 @@ def fuse_exposures(
     _dim_white(list(groups), fused)
     telling = [numbers for pattern, numbers in groups.items() if use_of(pattern) == "phase"] or [*groups.values()]
     usual = Counter(tuple(sorted({own[n] for n in numbers})) for numbers in telling).most_common(1)[0][0]
+    each = [tuple(gains[sorted({own[n] for n in numbers})].tolist()) for numbers in groups.values()]
     mine, told = tuple(gains[list(usual)].tolist()), tuple(_other(own, classes, light))
-    return Fused(list(groups), fused, steps, ground, mine, full, raw, told)
+    return Fused(list(groups), fused, steps, ground, each, mine, full, raw, told)
 
 
 def _dim_white(patterns: Sequence[Pattern], fused: list[Image]) -> None:

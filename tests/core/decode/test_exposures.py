@@ -61,6 +61,20 @@ def test_patterns_of_some_exposures_alone_leave_no_wrong_order_nor_sigma(bench, 
     assert 0.93 < found.sigma_ratio < 1.07
 
 
+@pytest.mark.parametrize("ms", EXPOSURES)
+def test_steps_that_lack_an_exposure_are_as_noisy_as_sigma_says(bench, judge, ms: float) -> None:
+    """Sigma was 2.3 times too small where one step is saturated in the only exposure that it has."""
+    b, *every = exposed(bench)
+    first = PATTERNS.index(next(p for p in PATTERNS if use_of(p) == "phase"))
+    kept = [
+        (p, image, t) for p, image, t in zip(*every, strict=True) if p not in PATTERNS[first : first + 2] or t == ms
+    ]
+    patterns, images, exposures = (list(column) for column in zip(*kept, strict=True))
+    found = judge(decode(patterns, images, lines=(N, N), exposures_ms=exposures), b.u, 8)
+    assert found.gross == 0
+    assert 0.95 < found.sigma_ratio < 1.1
+
+
 @pytest.mark.parametrize("patterns", [PATTERNS, PAPER], ids=["sine", "square"])
 @pytest.mark.parametrize(
     ("bits", "times"), [(8, (20.0, 2.5)), (12, (20.0, 2.5)), (16, (20.0, 2.5)), (8, (20.0, 10.0, 5.0, 2.5))]
@@ -78,7 +92,8 @@ def test_sigma_holds_from_bright_to_dim(bench, judge, patterns, bits: int, times
         part = replace(phase, u=phase.u[rows], sigma_u=phase.sigma_u[rows], flags=phase.flags[rows])
         found = judge(part, b.u[rows], 2)
         assert found.gross == 0
-        assert 0.9 < found.sigma_ratio < 1.1
+        # where noise is eight times the usual, a fifth of the pixels count as doubtful besides
+        assert (0.83 if times[0] == 8 * times[-1] and rows.start == 0 else 0.95) < found.sigma_ratio < 1.1
     assert not phase.notes
 
 
