@@ -56,6 +56,7 @@ def beating(
     part : float32 (TILES, TILES), optional
         None where nothing is shown.
     """
+    known = known & (light > 0)  # where white is darker than black frames are not what they claim
     one, other = pairs.split(light)
     both = np.logical_and(*pairs.split(known)) & (np.abs(one - other) < EVEN * (one + other))
     enough = pairs.around(both) >= FEWEST

@@ -55,6 +55,17 @@ def test_sigma_holds_what_bends_neighbouring_periods_alike(
     assert any("second way" in note for note in phase.notes)
 
 
+@pytest.mark.filterwarnings("error")
+def test_frames_in_any_order_overflow_nothing(bench: Callable[..., Bench]) -> None:
+    """White may be darker than black then."""
+    waves = [Phase("x", p, 6, k, np.pi / 3 * k, "sine") for p in (40.0, 41.0, 640.0) for k in range(6)]
+    patterns = [*waves, White(), Black()]
+    images = bench(height=HEIGHT, width=WIDTH, gain=90.0, dark=0.5).take(patterns)
+    for seed in (0, 2, 4, 5):
+        order = np.random.default_rng(seed).permutation(len(images))
+        decode(patterns, [images[k] for k in order], lines=(640, 480))
+
+
 def test_amplitude_alone_is_no_second_light(bench: Callable[..., Bench]) -> None:
     """A surface that scatters light has half the amplitude, beside one that does not."""
     direct = bench(height=HEIGHT, width=WIDTH, blur=0.7, dark=1.0)
