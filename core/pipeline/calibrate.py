@@ -212,8 +212,12 @@ def _in_use(project: Project, method: Method, name: str, kind: type) -> Any:
 def adjust_network(folder: Path, progress: Progress = SILENT) -> Adjustment:
     """Adjust a network of targets that were measured elsewhere."""
     from core.calibrate import adjust
+    from core.calibrate.diagnosis.weakness import MirroredError
 
-    return judge_adjustment(adjust(read_network(folder), progress=progress))
+    try:
+        return judge_adjustment(adjust(read_network(folder), progress=progress))
+    except MirroredError as error:
+        raise InputError(Path(folder) / "observations.csv", f"{error.where}: {error.seen}", error.remedy) from None
 
 
 def methods_in_use(project: Project) -> list[Method]:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.calibrate import adjust, calibrate_photogrammetric
 from core.checks import uneven_axes
+from core.errors import InputError
 from core.model import Network, NetworkScale
+from core.pipeline.calibrate import adjust_network
 from core.pipeline.judge import judge_adjustment
+from core.project import write_network
 from tests.core.calibrate.conftest import CAMERA, CAMERA_TRUTH, simulated_network
 from tests.core.checks.rigs import simulate
 
@@ -108,6 +112,16 @@ def test_images_that_are_mirrored_adjust_to_a_mirrored_field(axis: int) -> None:
     assert "adjusted to the mirror image of their coordinates" in verdict.because[0]
     left = SOUND.point_xyz_mm * (1, 1, -1)
     assert judge_adjustment(adjust(replace(SOUND, point_xyz_mm=left))).verdict.state == "failed"
+
+
+def test_images_that_fit_only_when_mirrored_are_bad_input(tmp_path: Path) -> None:
+    deep = simulated_network(seed=3, use=("camera",), approximation_mm=1.0, depth_mm=100.0).network
+    uv = deep.observation_uv * (1, -1) + (0, CAMERA.height - 1)
+    write_network(tmp_path, replace(deep, observation_uv=uv))
+    with pytest.raises(
+        InputError, match=r"observations\.csv: camera: images fit the points only when they are mirrored"
+    ):
+        adjust_network(tmp_path)
 
 
 @pytest.mark.parametrize("seed", range(8))
