@@ -27,6 +27,7 @@ FITS = 0.3  # of the contradictions that may stay where a mistake explains them
 EVEN_STEPS = 0.02  # mean of the steps as unit vectors; degrees taken for radians have 0.8 by their number
 MOST_PIXELS = 0.8  # of them must fit
 EVEN = 0.9  # of them where no edges are
+INVERTED = "they fit if the code is inverted"
 PLAIN = ("white", "black", "its inverse")  # what one frame alone may show by mistake, likelier than another pattern
 BEYOND, LEFT = 0.02, 0.06  # of all pixels: explained by more lines at least, and left by them at most
 MOST_BEYOND = 0.3  # of the pixels may lie beyond the declared lines: more lines explain them; of 24 sound axes none
@@ -62,7 +63,9 @@ def explanation(plan: Plan, values: Array, looked: Looked, share: float) -> tupl
     tried = [(contradicting(v, p, looked, FEW), text, p) for text, v, p in _descriptions(plan, values, looked)]
     least = min(left for left, _, _ in tried)
     if plain := [entry for entry in shown if entry[1] in PLAIN and single[entry[2]][0] <= least + ALIKE]:
-        return _one(looked, min(plain)[2], min(plain)[1])
+        found, shot = _one(looked, min(plain)[2], min(plain)[1])
+        inverted = next((text for left, text, _ in tried if text == INVERTED and left <= least + ALIKE), "")
+        return (Note(f"{found}; or {inverted}", "mistake"), shot) if inverted and least <= most else (found, shot)
     wider = 1.0
     if looked.lines < _room(looked):
         wider = contradicting(looked.values, looked.patterns, replace(looked, lines=_room(looked)), FEW)
@@ -162,6 +165,15 @@ def left_unexplained(looked: Looked, few: int = PIXELS) -> tuple[float, float]:
 def _room(looked: Looked) -> int:
     """How many lines the code can tell."""
     return max((p.cell << p.bits for p in looked.patterns if isinstance(p, Code)), default=0)
+
+
+def told_otherwise(plan: Plan, values: Array, looked: Looked, left: float) -> bool:
+    """Whether a mistake in the description fits as well as more lines, which leave this share of the pixels.
+
+    A code that is read wrongly tells lines that are not there, too. The arguments are as of `explanation`.
+    """
+    most = left + ALIKE / 2
+    return any(contradicting(v, p, looked, FEW) <= most for _, v, p in _descriptions(plan, values, looked))
 
 
 def more_lines(looked: Looked, share: float, left: float) -> str:
@@ -274,7 +286,7 @@ def _descriptions(plan: Plan, values: Array, looked: Looked) -> Iterator[tuple[s
         changed = [replace(p, bit=p.bits - 1 - p.bit) if isinstance(p, Code) else p for p in patterns]
         yield "they fit with the bits in reverse order", own, changed
         changed = [replace(p, inverse=not p.inverse) if isinstance(p, Code) else p for p in patterns]
-        yield "they fit if the code is inverted", own, changed
+        yield INVERTED, own, changed
 
 
 def _of_period(

@@ -23,7 +23,7 @@ from core.verify.beside import beside_code
 from core.verify.between import halves
 from core.verify.contradictions import PIXELS, Looked
 from core.verify.exchanged import exchanged_frames
-from core.verify.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, too_fine
+from core.verify.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, told_otherwise, too_fine
 from core.verify.overlapping import overlapping
 from core.verify.pixels import (
     GRID,
@@ -222,11 +222,13 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
         if share > SHARE / 2 or share - left > BEYOND / 2:
             share, left = left_unexplained(looked)
         along = "columns" if axis == "x" else "rows"
+        wider = more_lines(looked, share, left)
+        otherwise = bool(wider) and told_otherwise(plan, values, looked, left)
         if told := (share > most and too_fine(looked)) or overlapping(plan, looked, share, most):
             found.append(Finding("identity", "bad", told, {"contradicting": share}, names="mistake"))
-        elif told := more_lines(looked, share, left):
-            found.append(Finding("lines", "bad", told, {"contradicting": share}, names="mistake"))
-        elif share > most:
+        elif wider and not otherwise:
+            found.append(Finding("lines", "bad", wider, {"contradicting": share}, names="mistake"))
+        elif share > most or otherwise:
             text = f"frames across {along} contradict each other in {share:.0%} of the pixels"
             cause, shot = explanation(plan, values, looked, share)
             shown = () if shot is None else (shot,)

@@ -50,6 +50,7 @@ NOT_TOLD = {
     *("claims black", "claims {} and is {}"),
     *("frames {} and {}", "two phase steps", "frames across {} contradict each other: {} were exchanged"),
     *("it is of another capture, or something moved or flickered in part; record again", "frames across {}: {}"),
+    "{}; or {}",
     *("agree on no line", "run apart, by {} lines over the field"),
     " the same{}: correct exposure_ms in capture.json, or put the frames in order",
 }

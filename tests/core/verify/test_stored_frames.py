@@ -190,6 +190,21 @@ def test_a_period_that_is_a_slip_is_named_before_others_that_fit_as_well(monkeyp
     assert "they fit with a period of 4 lines, not 4.012" in told([slip(p) for p in patterns], images)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (of(Code, bit=lambda p: p.bits - 1 - p.bit), "they fit with the bits in reverse order"),
+        (of(Code, inverse=lambda p: not p.inverse), "they fit if the code is inverted"),
+    ],
+)
+def test_a_code_that_is_read_wrongly_is_not_told_by_lines_that_are_not_there(change: Callable, said: str) -> None:
+    """Words of cells beyond the projector fit, too, where it has fewer cells than the code has words."""
+    patterns = SEQUENCES["sine"]
+    found = told([change(p) for p in patterns], render(patterns, 5, shape=MIDDLE))
+    assert said in found, found
+    assert "more than 160 lines" not in found
+
+
 def test_periods_in_each_others_place_are_named() -> None:
     patterns: list[Pattern] = [
         *chain.from_iterable(gray_and_phase(axis, 160, cell=8, periods=(16.0, 23.5), steps=3) for axis in ("x", "y")),
