@@ -22,12 +22,14 @@ from core.numerics import chi_square_limit, median_of
 TOLERANCE = 0.002  # boards are made to about 0.1 %
 SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the level of the other tests
 MOST_RELIEF = 0.03  # of its size: a board that bends by more is none, its heights are in µm
+CLOSE, BESIDE = 2e-4, 4.0  # part to which two lengths agree closely; times that a third is off
 FAILED = 0.02
 OUT_OF_SHAPE = 0.01  # r.m.s. deviation from the nominal board, as a share of its size
 OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, which are known to about a half
 POOR, TOO_WELL = 0.003, 0.1  # a sigma over its length; sigmas off the board that a bar so poor is in 8 % of the cases
 FOREIGN_LINES = 1.0  # epipolar residuals that no calibration of the rig itself leaves
 LEAST_OFF = 3e-4  # of the distance: what positions are known to
+BAR, POSITIONS = "the scale bar", "the plate positions"
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,11 @@ def length_concerns(
         nominal = nominal_of(adjustment, board)
         ratio, concerns = _shape(nominal, adjustment.points_mm, "board")
         if scale is not None:
-            lengths.append(Length("the scale bar", 'project.json, "scale"', 1.0))
+            lengths.append(Length(BAR, 'project.json, "scale"', 1.0))
         if np.isfinite(ratio):
             lengths.append(Length("the testfield", "testfield.csv", 1.0 / ratio))
     elif board is not None and scale is not None and (own := _nominal_length(scale, board)):
-        lengths.append(Length("the scale bar", 'project.json, "scale"', scale.length_mm / own))
+        lengths.append(Length(BAR, 'project.json, "scale"', scale.length_mm / own))
     crossing = _epipolar(plates) if plates is not None else {}
     if plates is not None:  # rays that pass each other tell no lengths
         plates = plates.only(
@@ -81,7 +83,7 @@ def length_concerns(
             slope, sigma, more = _positions(plates)
             concerns += more
             if np.isfinite(slope):
-                lengths.append(Length("the plate positions", "capture.json, z_mm", 1.0 / slope, sigma, "plates"))
+                lengths.append(Length(POSITIONS, "capture.json, z_mm", 1.0 / slope, sigma, "plates"))
     apart = _distances(adjustment, board) if adjustment is not None else []
     return [*apart, *_odd_one(lengths, scale, board), *concerns, *crossing.values()]
 
@@ -322,7 +324,7 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
         like = agreeing[most[0]]
         clear = votes.max() >= 2 and all((agreeing[k] == like)[voters].all() for k in most)
         if all(like) and (votes.min() == len(voters) or (clear and voters is rounds[0])):
-            return []
+            return _bar_alone(lengths, scale, board)
         if clear and not all(like):
             true = median_of(factors[[k for k in voters if like[k]]])
             others = " and ".join(lengths[k].name for k in np.flatnonzero(like))
@@ -337,10 +339,24 @@ def _odd_one(lengths: list[Length], scale: ScaleBar | None, board: Testfield | N
     return [Concern("failed" if worst > 1 + FAILED else "doubtful", text + hint)]
 
 
+def _bar_alone(lengths: list[Length], scale: ScaleBar | None, board: Testfield | None) -> list[Concern]:
+    """Name a scale bar beside which a board and the plate positions, made by different means, agree closely."""
+    known = {entry.name: entry for entry in lengths}
+    if BAR not in known or POSITIONS not in known:
+        return []
+    bar, moved = known.pop(BAR), known.pop(POSITIONS)
+    for entry in known.values():
+        true, sigma = moved.factor, float(np.hypot(moved.sigma, entry.sigma))
+        close = abs(entry.factor / true - 1) + SIGNIFICANT * sigma <= CLOSE
+        if close and abs(bar.factor / true - 1) > BESIDE * CLOSE:
+            return [_told(bar, bar.factor / true, f"{entry.name} and {moved.name}", scale, board)]
+    return []
+
+
 def _told(entry: Length, factor: float, others: str, scale: ScaleBar | None, board: Testfield | None) -> Concern:
     text = f"{entry.name} ({entry.key}): its lengths are {factor:.4f} times what {others} give"
     text += unit_hint(factor) or "; correct it, or measure it again"
-    if entry.name == "the scale bar":
+    if entry.name == BAR:
         text += _bar_hint(scale, board, factor)
     off = max(factor, 1 / factor) - 1
     return Concern("failed" if off > FAILED else "doubtful", text, entry.about)

@@ -422,6 +422,17 @@ def test_an_imported_calibration_of_another_rig_is_named(name: str, projects: di
     assert "does it belong to another rig" in told(Pose(turn("y", 3) @ R, t))
 
 
+def of_lengths(p: Project, bar: float, size: float, steps: float) -> list[Concern]:
+    """Concerns about a bar, a plate's board and positions that are so many times as long as they are seen."""
+    field, z = p.plate, np.array([*p.z_mm.values()])
+    board = scaled(field, size)
+    xyz = board.xyz_mm + size * (np.array([0, 0, -600]) + z[:, None, None] * [0, 0, 1])
+    seen = Plates(tuple(p.z_mm), z * steps, board.xyz_mm, xyz, xyz[None][:0], {})
+    ends = [(int(field.row[k]), int(field.col[k])) for k in (0, -1)]
+    scale = ScaleBar(*ends, bar * float(np.linalg.norm(field.xyz_mm[-1] - field.xyz_mm[0])), 0.01)
+    return length_concerns(None, board, scale, seen, False)
+
+
 @pytest.mark.parametrize(
     ("bar", "size", "steps", "named"),
     [
@@ -435,15 +446,19 @@ def test_the_wrong_one_of_bar_board_and_positions_is_named_without_a_calibration
     bar: float, size: float, steps: float, named: str, projects: dict[str, Project]
 ) -> None:
     """The camera alone sees the plates as large as their file says."""
-    field, z = projects["paper"].plate, np.array([*projects["paper"].z_mm.values()])
-    board = scaled(field, size)
-    xyz = board.xyz_mm + size * (np.array([0, 0, -600]) + z[:, None, None] * [0, 0, 1])
-    seen = Plates(tuple(projects["paper"].z_mm), z * steps, board.xyz_mm, xyz, xyz[None][:0], {})
-    ends = [(int(field.row[k]), int(field.col[k])) for k in (0, -1)]
-    scale = ScaleBar(*ends, bar * float(np.linalg.norm(field.xyz_mm[-1] - field.xyz_mm[0])), 0.01)
-    (concern,) = length_concerns(None, board, scale, seen, False)
+    (concern,) = of_lengths(projects["paper"], bar, size, steps)
     assert concern.state == "failed"
     assert re.search(named, concern.text), concern.text
+
+
+def test_a_bar_a_thousandth_off_what_board_and_positions_agree_on_is_named(projects: dict[str, Project]) -> None:
+    """Boards are printed to a thousandth: only where the positions confirm one closely it speaks against a bar."""
+    (concern,) = of_lengths(projects["paper"], 1.001, 1, 1)
+    assert concern.state == "doubtful"
+    assert "scale bar" in concern.text
+    assert "1.0010 times what the plate's board and the plate positions give" in concern.text
+    for bar, steps in ((1.0003, 1), (1.001, 1.001), (1, 1.001), (1.001, 1.0005)):
+        assert not of_lengths(projects["paper"], bar, 1, steps)
 
 
 def test_the_simulator_turns_as_it_says() -> None:
