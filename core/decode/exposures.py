@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.decode.chosen import take_sample
-from core.decode.frames import Image
-from core.decode.noise import TINY, Noise, estimate_noise
+from core.decode.frames import Image, sort_frames
+from core.decode.noise import TINY, Noise, contrasts, estimate_noise
 from core.decode.options import DecodeOptions
-from core.decode.sample import full_scale, smoothest
+from core.decode.sample import full_scale, measure_noise, smoothest
 from core.decode.tables import Array, Singles
 from core.errors import InputError
 from core.numerics import quantum, sigma_by_median
@@ -47,7 +47,7 @@ class Fused(NamedTuple):
     `images` are uint16, of `steps` to a grey value of the longest exposure, less than one where the others see beyond
     16 bits of them; where all samples are saturated 65535. An exposure's grey values are ``ground + gain light`` up to
     `full`, its gain 1 for the longest; `own` are the gains of every pattern's, `gains` those that most phase steps
-    have, without these most patterns. `raw` is their noise, None where no pattern was taken twice.
+    have, without these most patterns. `raw` is their noise, None where neither a pattern nor the fringes have several.
     """
 
     patterns: list[Pattern]
@@ -136,6 +136,7 @@ def fuse_exposures(
         _check_followed(patterns, known, images, sample, full, where)
     light, ground, residual, level = _compare(list(groups.values()), own, classes, sample, full)
     raw = estimate_noise(residual, level, quantum(sample) if images[0].itemsize > 1 else 1.0) if len(level) else None
+    raw = raw or _noise_of_one(patterns, own, images, full)
     gains = light / light.max()
     deepest = float(DEEPEST / (full / gains.min()))
     steps = min(FINEST, int(deepest)) or deepest
@@ -156,6 +157,17 @@ def fuse_exposures(
     each = [tuple(gains[sorted({own[n] for n in numbers})].tolist()) for numbers in groups.values()]
     mine, told = tuple(gains[list(usual)].tolist()), tuple(_other(own, classes, light))
     return Fused(list(groups), fused, steps, ground, each, mine, full, raw, told)
+
+
+def _noise_of_one(patterns: Sequence[Pattern], own: list[int], images: Sequence[Image], full: float) -> Noise | None:
+    """Noise by the frames of the longest exposure, the brightest, where the fringes have several and no pattern has."""
+    fringes = {own[n] for n, pattern in enumerate(patterns) if use_of(pattern) == "phase"}
+    if len(fringes) < 2:
+        return None
+    mine = [n for n, exposure in enumerate(own) if exposure == min(fringes)]
+    some, seen = [patterns[n] for n in mine], [images[n] for n in mine]
+    frames = sort_frames(some)
+    return measure_noise(frames, contrasts(frames, len(some)), take_sample(seen), full, seen)
 
 
 def _dim_white(patterns: Sequence[Pattern], fused: list[Image]) -> None:

@@ -12,6 +12,7 @@ from core.decode.exposures import fuse_exposures
 from core.decode.options import DecodeOptions
 from core.errors import InputError
 from core.patterns import Black, White, gray_and_phase, use_of
+from tests.core.decode.conftest import score
 
 N = 640
 PATTERNS = [*gray_and_phase("x", N, cell=8, periods=[16]), White(), Black()]
@@ -73,6 +74,22 @@ def test_steps_that_lack_an_exposure_are_as_noisy_as_sigma_says(bench, judge, ms
     found = judge(decode(patterns, images, lines=(N, N), exposures_ms=exposures), b.u, 8)
     assert found.gross == 0
     assert 0.95 < found.sigma_ratio < 1.1
+
+
+def test_axes_of_unlike_exposures_are_each_as_noisy_as_their_own(bench) -> None:
+    """No pattern tells how exposures compare; both axes had the mean of their noise: 1.5 and 0.5 of sigma."""
+    b = bench(height=300, width=300, count=300, both=True, blur=1.0)
+    ways = [gray_and_phase(axis, 300, cell=8, periods=[16]) for axis in ("x", "y")]
+    patterns, images, exposures = [], [], []
+    for k, (ms, way) in enumerate(zip(EXPOSURES, ([*ways[0]], [*ways[1], White(), Black()]), strict=True)):
+        light = ms * np.linspace(1.5, 10, 300)[:, None]
+        images += replace(b, ambient=3.0 + 0.05 * light, gain=light, dark=1.0, shot=0.02, seed=k).take(way)
+        patterns, exposures = [*patterns, *way], exposures + [ms] * len(way)
+    phase = decode(patterns, images, lines=(300, 300), exposures_ms=exposures)
+    for axis, truth in (("x", b.u), ("y", b.v)):
+        found = score(phase, truth, 8, axis)
+        assert found.gross == 0
+        assert 0.9 < found.sigma_ratio < 1.12
 
 
 @pytest.mark.parametrize("patterns", [PATTERNS, PAPER], ids=["sine", "square"])
