@@ -147,7 +147,7 @@ def _exchanged(adjustment: Adjustment) -> list[Concern]:
 
 
 def _mirrored(adjustment: Adjustment) -> list[Concern]:
-    """Find points that are adjusted to the mirror image of the approximate ones: no image of their own shows that."""
+    """Find points that are adjusted to the mirror image of the approximate ones: no residual shows that."""
     given, found = adjustment.network.point_xyz_mm, adjustment.points_mm
     most = min(MIRRORED, 1 - CHANCE / np.sqrt(len(found)))
     off, mirrored = (_off(found * (1, 1, hand), given) for hand in (1, -1))

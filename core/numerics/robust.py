@@ -124,11 +124,6 @@ def row_median(values: Array | Floats) -> Array:
     return np.where(count > 0, middle, np.nan)
 
 
-def spaced(count: int, most: int) -> NDArray[np.intp]:
-    """Give `most` of so many numbers at the most, evenly from 0 to the last."""
-    return np.linspace(0, count - 1, min(count, most)).astype(np.intp)
-
-
 def exponents(degree: int) -> list[tuple[int, int]]:
     """Exponents of x and y in the terms of a polynomial: 1, x, y, x², xy, y², x³, ..."""
     return [(n - k, k) for n in range(degree + 1) for k in range(n + 1)]

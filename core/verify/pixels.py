@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from core.model import Capture
 from core.model.finding import Finding
-from core.numerics import compressed_in_blocks, median_of, quantile_of, spaced
+from core.numerics import compressed_in_blocks, median_of, quantile_of, scattered, spaced
 from core.patterns import Pattern, level_of
 
-IRRATIONAL = 0.618034, 0.7548776662  # by which whole numbers along two axes have nothing to do with each other
 GRID = 12_000  # pixels sampled
 LEAST_LIT = 150  # sampled pixels without which nothing is told
 STEADY = 0.1  # share by which the light may change from one square of 2 px to the next where mosaics are looked for
@@ -163,14 +162,6 @@ def _even(image: NDArray) -> bool:
     own, above, before = image[1:, 1:], image[:-1, 1:], image[1:, :-1]
     lit = own > image.min() + FLAT * float(np.ptp(image))
     return not lit.any() or max(float(np.mean(own[lit] == other[lit])) for other in (above, before)) > EVEN
-
-
-def scattered(size: int, count: int, factor: float = IRRATIONAL[0]) -> NDArray[np.int64]:
-    """Give so many whole numbers below a size, as if at random: squares times an irrational number.
-
-    numpy's generators take longer to import than most checks to work.
-    """
-    return (np.arange(count) ** 2 * factor % 1 * size).astype(np.int64)
 
 
 def mosaic(capture: Capture, images: Sequence[NDArray]) -> list[Finding]:

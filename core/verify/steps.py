@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from core.model import Plan
 from core.model.finding import Finding
-from core.numerics import median_of, quantile_of
+from core.numerics import median_of, quantile_of, scattered
 from core.patterns import Axis, Pattern, Phase
-from core.verify.pixels import IRRATIONAL, LEAST_LIT, scattered
+from core.verify.pixels import LEAST_LIT
 from core.verify.quality import BRIGHT, Sampled
 
 Map = NDArray[np.floating]
@@ -66,7 +66,7 @@ def doubled_steps(plan: Plan, images: Sequence[NDArray], sampled: Sampled) -> li
     Where one is saturated its neighbour may be, too, and they are alike.
     """
     # a grid may beat with the lines
-    row, column = (scattered(n, THIN, factor) for n, factor in zip(images[0].shape, IRRATIONAL, strict=True))
+    row, column = (scattered(n, THIN, k) for k, n in enumerate(images[0].shape))
     at = row * images[0].shape[1] + column
     for _, own, shifts in (period for period in steps_of_periods(plan.shots) if len(period[1]) >= 3):
         grey = np.array([images[k].ravel()[at] for k in own], np.float64)

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from core.model import Capture, PhaseMap
 from core.model.finding import Finding
-from core.numerics import quantile_of, ranked
+from core.numerics import quantile_of, ranked, scattered
 from core.patterns import Code
-from core.verify.pixels import LEAST_LIT, scattered
+from core.verify.pixels import LEAST_LIT
 
 OFF_PLANE = 0.35  # share of the pixels that no projective map holds
 PLANE_LINES = 3.0

@@ -19,11 +19,10 @@ from core.decode.frames import Image
 from core.decode.pairs import BESIDE, SOME, STEP, TILES, smooth_at
 from core.decode.surface.moved import moved_edges
 from core.decode.tables import CODE, Array, AxisTable, Limits, Singles, lifted, runs_of, sum_of, sums_of
-from core.numerics import distinct, median_of
+from core.numerics import by_lot, distinct, median_of
 
 LOOKS = 49, 144  # pixels of a tile that are looked at
 EDGE_LOOKS = 25  # for edges of bits
-ANYWHERE = 0.6180339887, 0.7548776662  # whose products with squares leave fractions as if drawn by lot
 FEWEST = 24  # that tell it
 NEAREST, FARTHEST = 2, 5  # tiles to either side that tell it for one
 BITS = 3  # that tell it
@@ -185,8 +184,7 @@ def _scattered(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.int
     At even distances they would be in step with the lines, and so would multiples of a number on a tilted surface.
     """
     rows, columns = (_places(n, EDGE_LOOKS) for n in shape)
-    number = np.arange(len(rows) * len(columns), dtype=float).reshape(len(rows), -1)
-    down, across = (number * number * part % 1 - 0.5 for part in ANYWHERE)
+    down, across = (by_lot(len(rows) * len(columns), k).reshape(len(rows), -1) - 0.5 for k in (0, 1))
     places = (rows[:, None] + down * shape[0] / len(rows), columns + across * shape[1] / len(columns))
     row, column = (np.clip(np.rint(at), 0, n - 1).astype(np.intp) for at, n in zip(places, shape, strict=True))
     return row, column
