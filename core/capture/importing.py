@@ -329,7 +329,7 @@ def _verified(
     seen = () if several else (modulation(bare, sampled), saturation(sampled))
     light = [f for f in seen if f.check not in checks]
     if phase is not None and _decoded_part(phase, plan.patterns, at[:, sampled.lit]) < DECODES:
-        findings += [Finding("order", "warning", note) for note in phase.notes]
+        findings += [Finding("order", "warning", note.rstrip(".")) for note in phase.notes]  # a finding is no sentence
     elif not any(f.level == "bad" for f in (*findings, *light)):
         findings.append(Finding("order", "good", "the patterns come in their order"))
     findings += light
