@@ -22,7 +22,8 @@ from core.lazy import dataclass
 SAME = 0.02  # a setting read back within two per cent counts as taken
 _EARLY_S = 0.01  # by which a time stamp may seem to lie before its trigger
 _GRACE_S = 0.25  # beside three times what an image takes: for the one that follows a late image
-_MOST = 64  # images passed over for one
+_MOST = 64  # images in the buffers
+_UNDER_WAY = 2  # images of a camera that runs freely: one is read out while the next is exposed
 _AUTOMATIC = ("ExposureAuto", "GainAuto", "BlackLevelAuto", "BalanceWhiteAuto")
 
 
@@ -127,15 +128,7 @@ class GenicamCamera:
             found = self._answer(fired, timeout_s, late, check)
             self._unfinished = False
             return Image(found.pixels, self.bits, fired)
-        start = time.monotonic()
-        for passed in range(_MOST):
-            begun = time.monotonic()
-            pixels = self._fetch(max(0.01, start + timeout_s - begun), check).pixels
-            waited = time.monotonic() - begun
-            # an image that was there at once came from a buffer, and the first that had to be waited for began before
-            if passed and waited > 0.001 and time.monotonic() - start > self._exposure_s():
-                return Image(pixels, self.bits, time.monotonic() - self._exposure_s())
-        raise DeviceError(self.name, f"{_MOST} images from the buffer", "set a lower frame rate or a software trigger")
+        return self._running(timeout_s, check)
 
     def arm(self, count: int) -> None:
         self._switch({"TriggerSource": self._line}, count)
@@ -191,13 +184,36 @@ class GenicamCamera:
                 self._acquirer.stop()
                 self._acquirer.start()
             self._last = None
-        for _ in range(_MOST):
-            try:
-                found = self._fetched(0.001, 0.0)
-            except DeviceError:
-                return
+        for found in self._waiting():
             self._last = found.number
             self.note(self.name, "an image came that nobody waited for; it is thrown away")
+
+    def _waiting(self) -> Iterator[_Fetched]:
+        """Take off the images that wait in the buffers."""
+        for _ in range(_MOST):
+            try:
+                yield self._fetched(0.001, 0.0)
+            except DeviceError:
+                return
+
+    def _running(self, timeout_s: float, check: Check) -> Image:
+        """Wait for an image that a camera without trigger began after this call.
+
+        Once the buffers are empty, two images may have begun before: one is read out while the next is exposed. How
+        long an image was waited for says nothing, since a busy machine waits for those in the buffers too.
+        """
+        start = time.monotonic()
+        if len(list(self._waiting())) == _MOST:
+            raise DeviceError(
+                self.name, f"{_MOST} images from the buffer", "set a lower frame rate or a software trigger"
+            )
+        passed = 0
+        while True:
+            pixels = self._fetch(max(0.01, start + timeout_s - time.monotonic()), check).pixels
+            began = time.monotonic() - self._exposure_s()
+            if passed >= _UNDER_WAY and began > start:
+                return Image(pixels, self.bits, began)
+            passed += 1
 
     def _answer(self, fired_s: float, timeout_s: float, late: bool, check: Check) -> _Fetched:
         """Wait for the image of a trigger; `late`: one of an earlier trigger may come before it."""

@@ -18,7 +18,7 @@ from core.devices.uvc import UvcCamera
 from core.errors import DeviceError, InputError
 from core.patterns import Code, Phase, White
 from core.project import write_image
-from tests.devices.producer import Node, Producer, delivered
+from tests.devices.producer import Node, Producer, Running, delivered
 from tests.devices.video import Video
 
 
@@ -94,9 +94,28 @@ def test_a_genicam_camera_is_set_triggered_and_let_go() -> None:
     assert producer.calls == ["add_file", "update", "create", "start", "stop", "destroy", "reset"]
 
 
-def test_a_freely_running_genicam_camera_gives_nothing_from_its_buffers() -> None:
-    camera = GenicamCamera("0", harvester=Producer(trigger=False))
-    assert camera.grab().pixels.mean() == 10
+def test_a_freely_running_genicam_camera_gives_no_image_begun_before_the_call() -> None:
+    producer = Running()
+    camera = GenicamCamera("0", harvester=producer)
+    for light in range(20, 60):
+        time.sleep(0.0013 * (light % 40))  # from another place of a period each, at times with all buffers full
+        producer.shine(light)
+        assert camera.grab().pixels.mean() == light
+    camera.close()
+
+
+def test_a_freely_running_genicam_camera_on_a_busy_machine_gives_nothing_from_its_buffers() -> None:
+    class Busy(Running):
+        def fetch(self, timeout: float) -> AbstractContextManager:
+            time.sleep(0.003)  # an image that waits in its buffer takes long to come too
+            return super().fetch(timeout)
+
+    producer = Busy()
+    camera = GenicamCamera("0", harvester=producer)
+    for light in (20, 30, 40):
+        time.sleep(0.05)
+        producer.shine(light)
+        assert camera.grab().pixels.mean() == light
     camera.close()
 
 
