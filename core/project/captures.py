@@ -51,7 +51,7 @@ def read_project(folder: Path) -> Project:
     """Read project.json and see that every capture it lists is there."""
     folder = Path(folder)
     fields = read_document(folder / "project.json", "stripe-project")
-    captures: dict[Path, None] = {}  # as a set that keeps its order
+    captures: dict[object, Path] = {}  # by what tells folders apart, however they are written
     place = str(folder)
     for name in fields.items("captures", []):
         if not isinstance(name, str) or not name:
@@ -59,9 +59,12 @@ def read_project(folder: Path) -> Project:
         if lacking := not_a_capture(os.path.join(place, name)):
             seen, remedy = f"captures lists {name!r}, {lacking}", "restore that folder or remove its name"
             raise InputError(folder / "project.json", seen, remedy)
-        if folder / name in captures:
-            raise fields.refuse("captures", name, "list every capture once")
-        captures[folder / name] = None
+        found = os.stat(os.path.join(place, name))
+        itself = (found.st_dev, found.st_ino) if found.st_ino else os.path.normpath(name)
+        if other := captures.get(itself):
+            again = "" if other == folder / name else f"; it is {os.path.relpath(other, folder)!r} too"
+            raise fields.refuse("captures", name, f"list every capture once{again}")
+        captures[itself] = folder / name
     reference = fields.get("reference")  # other programs may mean something else by it
     scale, decode, shown = fields.optional("scale"), fields.optional("decode"), fields.get("sequence")
     project = Project(
@@ -69,7 +72,7 @@ def read_project(folder: Path) -> Project:
         fields.text("name", default=folder.resolve().name),
         read_rig(fields),
         read_bar(scale) if scale else None,
-        tuple(captures),
+        tuple(captures.values()),
         reference if isinstance(reference, str) else None,
         tuple(map(read_bar, fields.objects("lengths", "lengths, entry", []))),
         None if shown is None else read_sequence(shown, f"{fields.where}: sequence"),

@@ -19,6 +19,7 @@ FIELD_DEG = 0.15, 170.0  # along the longer side: telescopes see more, and no le
 OTHER_C, MOST_OFF = 4.0, 5.0  # times the nominal c, sides of the image off its middle: another device's, or no mm
 MOST_BENT = 1.0  # of the way from the middle to a corner, by which a lens may move that corner
 MOST_UNSURE = 0.2  # sigma of a length as a share of it: the scale that this gives would be called not estimable
+LEAST_UNSURE = 1e-9  # and so would all else beside a length that outweighs every image
 BELOW_ZERO = 0.05  # of the full light: so far a response measured over a dark frame may reach below none
 KINDS = ("camera", "projector")
 
@@ -202,6 +203,10 @@ def read_length(bar: Fields) -> tuple[float, float]:
     length, sigma = bar.real("length_mm", 0.0), bar.real("sigma_mm", 0.0)
     if sigma > MOST_UNSURE * length:
         raise bar.refuse("sigma_mm", sigma, f"length_mm is {length:g}: give both in mm, or leave this length out")
+    if sigma < LEAST_UNSURE * length:
+        raise bar.refuse(
+            "sigma_mm", sigma, f"no length of {length:g} mm is known so well: give what the certificate does"
+        )
     return length, sigma
 
 

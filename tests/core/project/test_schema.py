@@ -223,7 +223,7 @@ NUMBERS = sorted({bound + more for bound in BOUNDS for more in (-1, 0, 1)})  # t
 BEYOND_SCHEMA = (
     "field of view", "rising levels", "light that rises", "two different", "give both", "principal point",
     "would be moved", "from 0 to 3", "is not there", "cannot be read", "use a name that", "device is", "rigid_with is",
-    "rigid with",
+    "rigid with", "known so well",
 )  # fmt: skip
 
 
