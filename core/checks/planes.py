@@ -127,6 +127,12 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
             cause = _scattered(e)
         failed = max(excess, scatter / DOUBTFUL_RATIO) > FAILED_RATIO / DOUBTFUL_RATIO
         return [Concern("failed" if failed else "doubtful", f"{told}; {shape}: {cause}"), *beside]
+    if e.rms_mm * (1 + 3 / np.sqrt(2 * e.n)) < e.predicted_rms_mm / DOUBTFUL_RATIO:
+        text = (
+            f"{told}: its sigmas are too large, as frames that contradict each other or a gamma of the camera's make "
+            "them; record frames as the sensor gives them"
+        )
+        return [Concern("doubtful", text), *beside]
     passed = 10 * e.predicted_rms_mm / (2 * np.sqrt(np.pi) * low_pass_px(e.deviation_mm.shape))
     limit = max(SHAPED * e.predicted_rms_mm, float(np.hypot(passed, 3 * calibration_rms_mm)))
     if form.rms_mm > limit:

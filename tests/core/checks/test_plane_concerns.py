@@ -38,6 +38,18 @@ def test_noise_as_predicted_is_no_concern(noise: np.ndarray) -> None:
     assert concerns(noise) == []
 
 
+@pytest.mark.parametrize(("deviation", "told"), [(0.5, True), (0.8, False)])
+def test_deviations_far_below_their_prediction_are_told(noise, deviation: float, told: bool) -> None:
+    found = concerns(deviation * noise, 0.5)
+    assert [c.state for c in found] == ["doubtful"] * told
+    assert all("0.5 times what the noise predicts" in c.text and "sigmas are too large" in c.text for c in found)
+
+
+def test_a_few_pixels_may_lie_nearer_to_the_plane_than_their_noise_by_chance(noise: np.ndarray) -> None:
+    e = evaluation(0.6 * noise[:8, :8])
+    assert plane_concerns(e, form_of(e.deviation_mm)) == []
+
+
 @pytest.mark.parametrize("calibration_rms_mm", [0.0, 0.5])
 def test_gross_errors_are_told_however_uncertain_the_calibration_is(noise, calibration_rms_mm: float) -> None:
     """A calibration bends a plane; it scatters no pixels."""
