@@ -25,7 +25,7 @@ def fixed(value: float, decimals: int, sign: str = "") -> str:
     return f"{value:{sign}.{decimals}f}"
 
 
-def unit_hint(*ratios: float) -> str:
+def unit_hint(*ratios: float, within: float = 0.02) -> str:
     """Ask for the unit where a length that is given, over the true one, is that of another unit over mm."""
-    units = [unit for factor, unit in UNITS.items() if any(abs(ratio / factor - 1) < 0.02 for ratio in ratios)]
+    units = [unit for factor, unit in UNITS.items() if any(abs(ratio / factor - 1) < within for ratio in ratios)]
     return f"; is it in {' or '.join(units)} instead of mm?" if units else ""

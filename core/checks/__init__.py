@@ -9,7 +9,7 @@ given.py     ... a network against what its files give: known points and lengths
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
 boards.py    ... which targets of a board or plate its file misplaces
 plates.py    ... where the plates stood, seen by camera and projector
-depth.py     ... and where the depth calibration has them
+depth.py     ... and where the depth calibration has them; the camera that it has by them alone
 volume.py    how sure a calibration is over the working volume, and how far two differ in it
 planes.py    deviations from planes: form apart from noise, angles, one method against the other
 sequences.py what captures say they show: code and the light's end against projector lines, their response
@@ -19,7 +19,7 @@ left_out.py  points and captures that had no part, with the reasons
 
 from core.checks.boards import exchanged_notes, misplaced_concerns, misplaced_on_plate
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
-from core.checks.depth import placed_concerns
+from core.checks.depth import placed_concerns, travel_concerns
 from core.checks.given import given_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
@@ -36,5 +36,5 @@ __all__ = [
     "length_concerns", "light_end", "misplaced_concerns", "misplaced_on_plate", "nominal_concerns", "pair_concerns",
     "placed_concerns", "plane_concerns", "plane_words", "pose_plates", "rejected_of", "repeated_frames",
     "repeated_planes", "repeated_targets", "response_concerns", "see_plates", "size_concerns", "sound_words",
-    "uneven_axes",
+    "travel_concerns", "uneven_axes",
 ]  # fmt: skip

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from core.checks.lengths import LEAST_OFF, scale_of
-from core.checks.network import LEVEL
+from core.checks.network import LEVEL, focal_concerns
 from core.checks.plates import Plates
+from core.digits import unit_hint
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.model import Array, Concern, DepthCalibration
 from core.numerics import chi_square_limit
 
 FAILED = 3.0  # times the limits
+NEARLY = 0.2  # by which c may be off the nominal one beside a mistaken unit
 
 
 def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Concern]:
@@ -33,6 +35,21 @@ def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Conc
         "both again if the camera was moved between"
     )
     return [Concern("failed" if min(factor, off / limit) > FAILED else "doubtful", text, "plates")]
+
+
+def travel_concerns(depth: DepthCalibration, camera: str) -> list[Concern]:
+    """Hold the camera that the plate alone orients against the nominal one.
+
+    How its targets grow along the travel gives their distance in mm of z, and their size there gives c.
+    """
+    if depth.covariance is None:
+        return []
+    c_mm, ratio = depth.camera.c_mm, depth.camera.c_mm / depth.camera_spec.nominal_c_mm
+    of_z, of_board = unit_hint(ratio, within=NEARLY), unit_hint(1 / ratio, within=NEARLY)
+    given = {"z_mm of the plates": of_z or not of_board, "x_mm and y_mm of their testfield file": not of_z}
+    suspected = " or ".join(name for name, wrong in given.items() if wrong)
+    remedy = f"correct nominal_c_mm, pitch_mm, or {suspected}{of_z or of_board}"
+    return focal_concerns(camera, depth.camera_spec, c_mm, float(depth.covariance[0, 0]) ** 0.5, remedy)
 
 
 def _off(depth: DepthCalibration, plates: Plates, scale: float) -> tuple[float, float]:

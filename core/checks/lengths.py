@@ -17,7 +17,7 @@ from core.digits import fixed, unit_hint
 from core.geometry import similarity
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Note, ScaleBar, Testfield
-from core.numerics import chi_square_limit, median_of
+from core.numerics import chi_square_limit, median_of, straight_line
 
 TOLERANCE = 0.002  # boards are made to about 0.1 %
 SIGNIFICANT = 3.3  # sigmas of what the calibration leaves uncertain, at the level of the other tests
@@ -29,6 +29,7 @@ OFF_LINES, MOST_OFF_LINES = 2.0, 6.0  # epipolar residuals over their sigmas, wh
 POOR, TOO_WELL = 0.003, 0.1  # a sigma over its length; sigmas off the board that a bar so poor is in 8 % of the cases
 FOREIGN_LINES = 1.0  # epipolar residuals that no calibration of the rig itself leaves
 LEAST_OFF = 3e-4  # of the distance: what positions are known to
+ASIDE = 0.002  # of the distance, by which a plate may stand beside the axis of the others
 BAR, POSITIONS = "the scale bar", "the plate positions"
 
 
@@ -262,7 +263,7 @@ def _positions(plates: Plates) -> tuple[float, float, list[Concern]]:
             "that no frames were exchanged, and move the plate without play"
         )
         concerns.append(Concern("failed" if (np.abs(rest) > 3 * limit).any() else "doubtful", text, "plates"))
-    for k in np.flatnonzero(across > max(0.01 * distance, 6 * median_of(across))):
+    for k in np.flatnonzero(across > max(ASIDE * distance, 6 * median_of(across))):
         text = f"{plates.names[k]}: the plate stood {fixed(across[k], 1)} mm beside its axis: did it move sideways?"
         concerns.append(Concern("doubtful", text, "plates"))
     return slope, sigma, concerns
@@ -287,11 +288,9 @@ def _movement(plates: Plates) -> tuple[Array, Array, float]:
         centres = xyz[:, common].mean(axis=1)
     else:  # no target is in all: the board's place from those that each plate has
         centres = np.array([_centre_of(plates.nominal_mm, p) for p in xyz])
-    middle = np.array([median_of(values) for values in centres.T])
-    moved = centres - middle
+    middle, axis = straight_line(centres)
     z = plates.z_mm - median_of(plates.z_mm)
-    axis = np.linalg.svd(moved)[2][0] if len(moved) > 2 else moved[-1] - moved[0]
-    axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
+    moved = centres - middle
     if np.sum((moved @ axis) * z) < 0:
         axis = -axis
     along = moved @ axis

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.geometry.lens import lens_of
-from core.model import AdjustedDevice, Adjustment, Array, Concern
+from core.model import AdjustedDevice, Adjustment, Array, Concern, DeviceSpec
 from core.numerics import chi_square_limit, distinct, median_of, nearest, normal_limit, sigma_by_median
 
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
@@ -215,21 +215,26 @@ def nominal_concerns(devices: Mapping[str, AdjustedDevice], cameras: Collection[
     """Hold adjusted interior orientations against what project.json says of the devices; `cameras` are their names."""
     concerns = []
     for name, device in devices.items():
-        concerns += [*_focal(name, device), *_square(name, device)]
+        of_focus = focal_concerns(name, device.spec, device.interior.c_mm, float(device.sigma[0]))
+        concerns += [*of_focus, *_square(name, device)]
         if name in cameras:  # projectors are often shifted on purpose
             concerns += _centre(name, device)
     return concerns
 
 
-def _focal(name: str, device: AdjustedDevice) -> list[Concern]:
-    c, nominal = device.interior.c_mm, device.spec.nominal_c_mm
-    ratio = max(c / nominal, nominal / c)
-    if device.sigma[0] <= 0 or ratio <= C_DOUBTFUL or abs(c - nominal) < 3.3 * device.sigma[0]:
+def focal_concerns(
+    name: str,
+    spec: DeviceSpec,
+    c_mm: float,
+    sigma_mm: float,
+    remedy: str = "correct nominal_c_mm or pitch_mm; c grows with the pitch",
+) -> list[Concern]:
+    """Hold a principal distance that was adjusted against the nominal one; nothing where it was held (sigma 0)."""
+    nominal = spec.nominal_c_mm
+    ratio = max(c_mm / nominal, nominal / c_mm)
+    if sigma_mm <= 0 or ratio <= C_DOUBTFUL or abs(c_mm - nominal) < 3.3 * sigma_mm:
         return []
-    text = (
-        f"{name}: c is {c:.4g} mm, nominal_c_mm {nominal:.4g} mm ({c / nominal:.3g} times): correct nominal_c_mm or "
-        "pitch_mm; c grows with the pitch"
-    )
+    text = f"{name}: c is {c_mm:.4g} mm, nominal_c_mm {nominal:.4g} mm ({c_mm / nominal:.3g} times): {remedy}"
     return [Concern("failed" if ratio > C_FAILED else "doubtful", text)]
 
 

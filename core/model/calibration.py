@@ -161,6 +161,7 @@ class DepthCalibration:
     left_out: tuple[LeftOut, ...] = ()
     noise_rms_mm: float | None = None  # what the noise of the coordinates alone would leave
     bent_rms_mm: float = 0.0  # what polynomials of a higher degree would explain of the residuals
+    between_rms_mm: float = 0.0  # by how much curves are off between positions that are no more than they need
     # (k + 8, k + 8) of the camera's parameters, the plate's rotation vector (rad) and shift (mm), its axis' two slopes
     covariance: Array | None = None
     # standard deviation of the coordinates that curves were fitted to, r.m.s. in (h, w) equal cells of the image

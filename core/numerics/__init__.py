@@ -5,7 +5,7 @@ systems.py         a symmetric system: factor, solution, inverse; nonlinear leas
 small.py           small ones within kernels; not imported here, as it compiles
 blocks.py          images that were compressed with losses
 greys.py           the step of grey values, and where a camera's end
-robust.py          spreads and medians that gross errors do not move; small fits to many places at once
+robust.py          spreads, medians and lines that gross errors do not move; small fits to many places at once
 spread.py          some of many numbers, evenly or as if by lot
 places.py          the nearest of some; between the pixels of an image, and beyond a few known places
 """
@@ -30,6 +30,7 @@ from core.numerics.robust import (
     row_median,
     sigma_about_median,
     sigma_by_median,
+    straight_line,
 )
 from core.numerics.spread import by_lot, scattered, spaced
 from core.numerics.systems import factor_of, inverse_by, least_squares, solution_by
@@ -39,5 +40,5 @@ __all__ = [
     "factor_of", "fisher_above", "fisher_limit", "four_pixels", "from_neighbours", "inverse_2x2", "inverse_by",
     "least_squares", "median_of", "nearest", "normal_equations", "normal_limit", "polynomial", "polynomial_slopes",
     "quantile_of", "quantiles", "quantiles_in", "quantum", "ranked", "row_median", "scattered", "sigma_about_median",
-    "sigma_by_median", "solution_by", "spaced",
+    "sigma_by_median", "solution_by", "spaced", "straight_line",
 ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 MEDIAN_OF_NORMAL = 0.6745  # of the size of a normal deviate
+NEAR, TINY = 3.0, 1e-12  # times the median distance from a line: points that make it
 
 
 def sigma_by_median(residuals: ArrayLike) -> float:
@@ -165,3 +167,29 @@ def inverse_2x2(matrix: Array) -> Array:
             np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
             / (a * d - b * c)[..., None, None]
         )
+
+
+def straight_line(points: Array) -> tuple[Array, Array]:
+    """Point and direction (d,) of the line that most of some points (n, d) lie along; of three and fewer, all.
+
+    Of the lines through two of them it is the one with the least median distance, fitted to the points near it.
+
+    Examples
+    --------
+    >>> middle, direction = straight_line(np.array([[0.0, 0], [1, 0], [2, 7], [3, 0], [4, 0]]))
+    >>> float(middle[1]), float(abs(direction[0]))
+    (0.0, 1.0)
+    """
+    near = points
+    if len(points) > 3:
+        first, second = np.array([*combinations(range(len(points)), 2)]).T
+        direction = points[second] - points[first]
+        direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), TINY)
+        away = points - points[first][:, None]
+        along = np.einsum("knd,kd->kn", away, direction)
+        beside = np.linalg.norm(away - along[..., None] * direction[:, None], axis=2)
+        usual = np.array([median_of(each) for each in beside])
+        best = int(np.argmin(usual))
+        near = points[beside[best] <= max(NEAR * usual[best], TINY)]
+    middle = near.mean(axis=0)
+    return middle, np.linalg.svd(near - middle)[2][0]

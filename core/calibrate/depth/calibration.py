@@ -164,6 +164,9 @@ def calibrate_depth(
         warnings=(*oriented.warnings, *lost),
         noise_rms_mm=_noise_rms(curves, sigma, travel_mm, good),
         bent_rms_mm=0.0 if options.degree is None else _left_bent(depths, judged, curves, good),
+        between_rms_mm=_between(
+            depths, options.degree, float(np.linalg.norm(oriented.camera_from_plate.translation_mm))
+        ),
         covariance=oriented.covariance,
         curve_noise_lines=_in_cells(variance, good),
     )
@@ -280,6 +283,20 @@ def _left_bent(depths: Array, judged: Floats, curves: Curves, good: NDArray[np.b
     if along * free <= fisher_limit(1, free, LEVEL) * (float(np.dot(mean, mean)) - along):
         return 0.0
     return _rms(curves, good) * (along / len(depths) / float(np.mean(rest**2, dtype=np.float64))) ** 0.5
+
+
+def _between(depths: Array, degree: int | None, distance_mm: float) -> float:
+    """By how much curves through no more positions than they need are off between these, r.m.s.; 0 through more.
+
+    Depth over a coordinate of the projector is ``D / (1 + e t)`` for t from -1 to 1, ``e`` being half the travel over
+    the distance D. A polynomial of degree n through n + 1 places t_i leaves ``D e^(n+1) (t - t_0) ... (t - t_n)``.
+    """
+    degree = degree or 1
+    if len(depths) > degree + 1:
+        return 0.0
+    places = np.interp(depths, depths[[0, -1]], (-1.0, 1.0))
+    off = np.prod(np.linspace(-1, 1, 201)[:, None] - places, axis=1)
+    return distance_mm * (float(np.ptp(depths)) / 2 / distance_mm) ** (degree + 1) * float(np.sqrt(np.mean(off**2)))
 
 
 def _noise_rms(curves: Curves, sigma: Floats, travel_mm: float, good: NDArray[np.bool_]) -> float | None:

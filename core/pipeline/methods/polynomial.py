@@ -35,7 +35,9 @@ from core.pipeline.options import CalibrateOptions
 from core.progress import Progress
 
 TOO_BENT, MOST_BENT = 0.5, 4.0  # what a higher degree would explain of the residuals, over what it would leave
-RESIDUAL_RATIO = 2.5  # of the residuals over those that the noise leaves
+LEAST_PLATES = 4  # that curves can be judged by
+# of the residuals over those that the noise leaves: of sound polynomials 1.05 at most, a table's are between plates
+RESIDUAL_RATIO, OF_TABLE, FAILED_RATIO = 1.35, 2.5, 5.0
 
 
 @dataclass(frozen=True)
@@ -160,14 +162,14 @@ def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]
 
 
 def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
-    from core.checks import misplaced_on_plate, placed_concerns
+    from core.checks import misplaced_on_plate, placed_concerns, travel_concerns
 
     lengths, (camera, _) = evidence.lengths, POLYNOMIAL.pair(evidence.project, depth)
     known = evidence.calibrations.get(evidence.photogrammetric or "")
     if known is None:
         captures = [c for c in evidence.captures if c.role == "depth"]
         seen = {t.capture: t for t in evidence.sets if t.camera == camera}
-        lengths = lengths_of(depth.camera_spec, depth.camera, captures, seen)
+        lengths = [*travel_concerns(depth, camera), *lengths_of(depth.camera_spec, depth.camera, captures, seen)]
     of_plates = [c for c in lengths if c.about != "board"]
     plates, board = evidence.plates
     if plates is not None and board is not None and not evidence.same_board:
@@ -179,6 +181,15 @@ def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
 
 
 def _of_residuals(depth: DepthCalibration) -> list[Concern]:
+    noise_mm = depth.noise_rms_mm or 0.0
+    if depth.between_rms_mm > TOO_BENT * noise_mm:
+        curves = "straight lines" if depth.degree in (None, 1) else f"polynomials of degree {depth.degree}"
+        text = (
+            f"{curves} through {len(depth.depths_mm)} plate positions are off by about {depth.between_rms_mm:.2g} mm "
+            f"r.m.s. between them, by the plate's distance, and no residual shows it (noise {noise_mm:.2g} mm): "
+            f"capture the plate at {max(LEAST_PLATES, len(depth.depths_mm) + 1)} positions or more"
+        )
+        return [Concern("failed" if depth.between_rms_mm > MOST_BENT * noise_mm else "doubtful", text)]
     rest = max(depth.residual_rms_mm**2 - depth.bent_rms_mm**2, 0.0) ** 0.5
     if depth.bent_rms_mm > TOO_BENT * rest:
         text = (
@@ -186,14 +197,14 @@ def _of_residuals(depth: DepthCalibration) -> list[Concern]:
             f"{rest:.3g} mm of the residuals of {depth.residual_rms_mm:.3g} mm: calibrate with a higher degree"
         )
         return [Concern("failed" if depth.bent_rms_mm > MOST_BENT * rest else "doubtful", text)]
-    if not depth.noise_rms_mm or depth.residual_rms_mm <= RESIDUAL_RATIO * depth.noise_rms_mm:
+    ratio = depth.residual_rms_mm / (depth.noise_rms_mm or np.inf)
+    if ratio <= (OF_TABLE if depth.degree is None else RESIDUAL_RATIO):
         return []
-    ratio = depth.residual_rms_mm / depth.noise_rms_mm
     text = (
         f"residuals of {depth.residual_rms_mm:.3g} mm are {ratio:.3g} times what the noise leaves: a plate does not "
-        "stand where z_mm says, it is not flat, or the degree is too low"
+        "stand where z_mm says or is tilted against the others, it is not flat, or the degree is too low"
     )
-    return [Concern("failed" if ratio > 2 * RESIDUAL_RATIO else "doubtful", text)]
+    return [Concern("failed" if ratio > FAILED_RATIO else "doubtful", text)]
 
 
 def _devices(project: Project, depth: DepthCalibration) -> list[tuple[str, DeviceSpec, DeviceSpec]]:

@@ -7,6 +7,7 @@ of the camera, which `core.geometry` has its own tests for.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from core.calibrate.depth.calibration import DepthOptions, DepthPlane, calibrate_depth, choose_axis
+from core.checks import travel_concerns
 from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
 from core.model import DeviceSpec, Interior, PhaseMap, TargetSet, Testfield
@@ -99,6 +101,38 @@ def test_residuals_that_a_higher_degree_would_explain_are_told_from_noise() -> N
     better = calibrate_depth(SPEC, _field(), _planes(noise=True))
     assert better.bent_rms_mm < 0.1 * better.residual_rms_mm  # the cubic's own error is 0.003 mm
     assert noisy.residual_rms_mm**2 - noisy.bent_rms_mm**2 == pytest.approx(better.residual_rms_mm**2, rel=0.5)
+
+
+@pytest.mark.parametrize(("degree", "count"), [(1, 2), (None, 2), (2, 3), (3, 4)])
+def test_what_few_plates_leave_between_them_is_known_by_their_distance(degree: int | None, count: int) -> None:
+    """No residual shows it. By the camera's distance, 600 mm; the projector's axis, turned away, makes it 704 mm."""
+    few = _planes()[:: (len(DEPTHS) - 1) // (count - 1)][:count]
+    calibration = calibrate_depth(SPEC, _field(), few, options=DepthOptions(degree=degree, low_pass_px=0))
+    turned, normal = calibration.camera_from_plate.inverse(), calibration.axis_direction[2]
+    off = []
+    for z in np.linspace(few[0].z_mm, few[-1].z_mm, 41):
+        cloud = reconstruct(_phase(_plate(z)), calibration)
+        off.append(turned.apply(cloud.xyz_mm.astype(float))[..., 2] - z * normal)
+    nearer = (704 / 600) ** (degree or 1)
+    assert calibration.between_rms_mm == pytest.approx(nearer * np.sqrt(np.nanmean(np.square(off))), rel=0.1)
+    assert calibrate_depth(SPEC, _field(), _planes(), options=DepthOptions(degree=degree)).between_rms_mm == 0
+
+
+@pytest.mark.parametrize(
+    ("travel", "size", "told"),
+    [
+        (1, 1, ""),
+        (0.1, 1, "z_mm of the plates; is it in cm"),
+        (1, 0.1, "z_mm .* or x_mm"),
+        (1.5, 1, "z_mm .* or x_mm"),
+    ],
+)
+def test_a_plate_that_makes_another_camera_of_it_is_told(travel: float, size: float, told: str) -> None:
+    field = replace(_field(), xyz_mm=size * _field().xyz_mm)
+    planes = [replace(plane, z_mm=travel * plane.z_mm) for plane in _planes(noise=True)]
+    found = travel_concerns(calibrate_depth(SPEC, field, planes), "front")
+    assert [c.state for c in found] == ["failed" if travel != 1.5 else "doubtful"] * bool(told)
+    assert all(c.text.startswith("front: c is ") and re.search(told, c.text) for c in found), found
 
 
 def test_plates_that_stand_beside_their_positions_ask_for_no_higher_degree() -> None:

@@ -461,6 +461,20 @@ def test_a_bar_a_thousandth_off_what_board_and_positions_agree_on_is_named(proje
         assert not of_lengths(projects["paper"], bar, 1, steps)
 
 
+@pytest.mark.parametrize(("aside_mm", "told"), [(2.0, ["plate stood 2.0 mm beside its axis"]), (0.3, [])])
+def test_a_plate_that_moved_sideways_is_named_among_others(aside_mm: float, told: list[str], projects) -> None:
+    """Beside the line of the others: one of eleven turns a line through all only by a little, one of six does more."""
+    p = projects["paper"]
+    z, rng = np.linspace(-40, 40, 6), np.random.default_rng(1)
+    places = np.array([0.02, -0.01, 1.0]) * z[:, None] + [0, 0, -600] + rng.normal(0, 0.01, (6, 3))
+    places[1] += [0.8 * aside_mm, -0.6 * aside_mm, 0]
+    xyz = p.plate.xyz_mm + places[:, None]
+    seen = Plates(tuple("abcdef"), z, p.plate.xyz_mm, xyz, xyz[None][:0], {})
+    found = length_concerns(None, p.plate, None, seen, False)
+    assert [c.text for c in found if told[0] not in c.text or not c.text.startswith("b: ")] == [] if told else not found
+    assert len(found) == len(told)
+
+
 def test_the_simulator_turns_as_it_says() -> None:
     assert np.allclose(turn("z", 90) @ [1, 0, 0], [0, 1, 0])
 
