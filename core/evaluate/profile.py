@@ -87,13 +87,16 @@ def interpolate(image: NDArray, uv: ArrayLike) -> tuple[Array, Array]:
     return share.sum(axis=0), np.sqrt((share**2).sum(axis=0))
 
 
-def points_on_plane(plane: ArrayLike, spec: DeviceSpec, camera: Interior, uv: ArrayLike) -> Array:
+def points_on_plane(
+    plane: ArrayLike, spec: DeviceSpec, camera: Interior, uv: ArrayLike, deviation_mm: ArrayLike = 0.0
+) -> Array:
     """Where the rays of pixels (..., 2) meet a plane, (..., 3) mm in the camera's frame; NaN where not in front of it.
 
-    `plane` is unit normal and offset (mm) in the camera's frame, as `PlaneEvaluation.plane`.
+    `plane` is unit normal and offset (mm) in the camera's frame, as `PlaneEvaluation.plane`. With deviations (...) from
+    it these are the points that have them.
     """
     normal, offset = np.asarray(plane, np.float64)[:3], float(np.asarray(plane)[3])
     rays = ray_directions(spec, camera, uv)
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = offset / (rays @ normal)
+        distance = (offset + np.asarray(deviation_mm, np.float64)) / (rays @ normal)
     return np.where(distance > 0, distance, np.nan)[..., None] * rays

@@ -138,14 +138,15 @@ def write_profile_csv(path: Path, found: Mapping[str, Profile]) -> None:
 def write_deviations_csv(
     path: Path, evaluation: PlaneEvaluation, camera: DeviceSpec, progress: Progress = SILENT
 ) -> None:
-    """Write every pixel that has a deviation: where it lies in the image and on the plane, deviation and sigma."""
+    """Write every pixel that has a deviation: its place in the image, its point, the deviation and its sigma."""
     from core.evaluate import points_on_plane
     from core.report import write_columns_csv
 
     rows, cols = np.nonzero(np.isfinite(evaluation.deviation_mm))
     points = np.full((len(rows), 3), np.nan)
     if evaluation.camera is not None:
-        points = points_on_plane(evaluation.plane, camera, evaluation.camera, np.stack([cols, rows], axis=1))
+        seen, off = np.stack([cols, rows], axis=1), evaluation.deviation_mm[rows, cols]
+        points = points_on_plane(evaluation.plane, camera, evaluation.camera, seen, off)
     known = evaluation.sigma_mm.shape == evaluation.deviation_mm.shape
     columns = {
         "u [px]": cols,

@@ -142,6 +142,7 @@ def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
     for method, entry in figures.items():
         print_verdict(method, entry["verdict"])
         print_left_out(entry["left_out"])
+        _print_warnings(entry)
     print()
     print(pipeline.report.result_tables(project))
     print(f"\nkept as run {max(pipeline.runs.current_runs(project).values())}")
@@ -159,9 +160,13 @@ def _adjust(options: Options, progress: Progress) -> dict[str, Any]:
         for key, value in device.items():
             if isinstance(value, dict):
                 print(f"  {key:6s} {value['value']: .9e}  ± {value['sigma']:.2e}")
+    _print_warnings(figures)
+    return figures
+
+
+def _print_warnings(figures: dict[str, Any]) -> None:
     for warning in figures["warnings"]:
         print(f"warning: {warning}")
-    return figures
 
 
 def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:

@@ -95,6 +95,7 @@ def _calibrate(
         )
     bars = [bar for bar in (project.scale, *project.lengths) if bar is not None]
     notes = [f"{t.capture}: {note}" for t in targets for note in t.notes]
+    notes += [] if bars else [_unscaled(adjustment)]
     warnings = (*notes, *placed_by_chance(captures, testfield, bars), *calibration.warnings)
     return Calibrated(replace(calibration, warnings=warnings), targets, {ADJUSTMENT: adjustment})
 
@@ -164,6 +165,20 @@ def _devices(project: Project, calibration: PhotogrammetricCalibration) -> Seque
         return [(name, there, device.spec) for name, there, device in pair]
     there = project.rig.devices
     return [(name, there[name], device.spec) for name, device in calibration.devices.items() if name in there]
+
+
+def _unscaled(adjustment: Adjustment) -> str:
+    """Say that the nominal board gives the scale, and how sure that is by what its targets are off their places."""
+    nominal, found = adjustment.network.point_xyz_mm, adjustment.points_mm
+    known = np.isfinite(nominal + found).all(axis=1)
+    places = (nominal - nominal[known].mean(axis=0))[known]
+    outwards = np.sum((found - nominal)[known] * places, axis=1)
+    unsure = float(np.sqrt(np.sum(outwards**2)) / np.sum(places**2))
+    return (
+        "no measured length: the scale is that of the nominal testfield. Its targets' deviations leave it "
+        f"{1e6 * unsure:.2g} ppm unsure, an error that all share any amount, and no sigma contains either; measure a "
+        'length and give it as "scale"'
+    )
 
 
 PHOTOGRAMMETRIC = CalibrationMethod(
