@@ -4,6 +4,7 @@ Every check gives concerns (`core.model.Concern`): a state and one sentence with
 remedy. The state of a verdict is that of its worst concern.
 
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
+lens.py      ... whether its lens models have the right form
 weights.py   ... sigmas of its images, and of both axes, against each other
 given.py     ... a network against what its files give: known points and lengths, units, pixels, stations
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others

@@ -20,11 +20,13 @@ class Optics:
     x0_mm: float
     y0_mm: float
     k: float  # radial, per mm²
+    seventh: float = 0.0  # and of the radius' sixth power, 1 at the corner
 
     def see(self, points: np.ndarray) -> np.ndarray:
         x, y = (-self.c_mm * points[..., i] / points[..., 2] for i in (0, 1))
-        d = 1 + self.k * (x * x + y * y)
         s = self.spec
+        corner = np.hypot(s.width * s.pitch_mm[0], s.height * s.pitch_mm[1]) / 2
+        d = 1 + self.k * (x * x + y * y) + self.seventh * ((x * x + y * y) / corner**2) ** 3
         u = (x * d + self.x0_mm) / s.pitch_mm[0] + (s.width - 1) / 2
         v = (s.height - 1) / 2 - (y * d + self.y0_mm) / s.pitch_mm[1]
         return np.stack([u, v], axis=-1)
@@ -47,6 +49,7 @@ class Project:
     board: Testfield
     plate: Testfield
     scale: ScaleBar
+    camera: Optics
     fields: tuple[TargetSet, ...]
     plates: tuple[TargetSet, ...]
     z_mm: dict[str, float]
@@ -79,10 +82,14 @@ def varied(rng: np.random.Generator, name: str) -> tuple[DeviceSpec, DeviceSpec,
     return camera, projector, base * f * float(rng.uniform(0.8, 1.3)), distance * f
 
 
-def simulate(name: str, seed: int, *, vary: bool = False, poses: int = 9, honest: float = 1.0) -> Project:
+def simulate(
+    name: str, seed: int, *, vary: bool = False, poses: int = 9, honest: float = 1.0, seventh: float = 0.0
+) -> Project:
     rng = np.random.default_rng(seed)
     camera_spec, projector_spec, base, distance = varied(rng, name) if vary else RIGS[name]
-    camera = Optics(camera_spec, camera_spec.nominal_c_mm * rng.uniform(0.99, 1.03), *rng.normal(0, 0.05, 2), -2e-4)
+    camera = Optics(
+        camera_spec, camera_spec.nominal_c_mm * rng.uniform(0.99, 1.03), *rng.normal(0, 0.05, 2), -2e-4, seventh
+    )
     projector = Optics(
         projector_spec, projector_spec.nominal_c_mm * rng.uniform(0.99, 1.03), *rng.normal(0, 0.2, 2), 0.0
     )
@@ -135,4 +142,4 @@ def simulate(name: str, seed: int, *, vary: bool = False, poses: int = 9, honest
         for n, z in z_mm.items()
     )
     rig = Rig({"camera": camera_spec}, {"projector": projector_spec})
-    return Project(rig, field, plate, scale, tuple(fields), plates, z_mm)
+    return Project(rig, field, plate, scale, camera, tuple(fields), plates, z_mm)
