@@ -84,6 +84,10 @@ class NoCoordinateError(InputError):
     """Decoded frames without a projector coordinate that points follow from; another method may do without it."""
 
 
+class TooFewPointsError(StripeError):
+    """Points that no plane follows from; another method may give more."""
+
+
 class AdjustmentError(StripeError):
     """A network that cannot be solved, or an adjustment that does not converge."""
 

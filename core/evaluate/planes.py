@@ -6,12 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.errors import StripeError
+from core.errors import TooFewPointsError
 from core.lazy import dataclass
 from core.model import Array, Floats, Interior, Method, PhaseMap, PlaneEvaluation, PointCloud
 from core.numerics import median_of, ranked, sigma_by_median
 
 LEAST_POINTS = 4  # three points fit any plane
+LOOK = "check the capture and calibration"
 COLLINEAR = 1e-6  # ratio of the second to the first spread below which points lie on a line
 OTHER, DISTANT = 10.0, 1e-3  # sigmas by the median, and share of the distance, beyond which lie other surfaces
 REGION = 50  # px side by side beyond, at least: so many gross errors do not meet by chance
@@ -35,8 +36,8 @@ class Plane:
 def fit_plane(points: ArrayLike, *, where: str = "plane") -> Plane:
     """Fit a plane to points by least squares of the orthogonal distances.
 
-    The points, (n, 3), are in mm, in the camera's frame, all finite. StripeError, which says `where` they belong, if
-    there are fewer than 4, or they lie on a line.
+    The points, (n, 3), are in mm, in the camera's frame, all finite. TooFewPointsError, which says `where` they
+    belong, if there are fewer than 4, or they lie on a line.
 
     The normal is the eigenvector of the least eigenvalue of the points' scatter matrix, taken about their mean in
     double precision.
@@ -49,15 +50,14 @@ def fit_plane(points: ArrayLike, *, where: str = "plane") -> Plane:
     """
     p = np.asarray(points, np.float64)
     if len(p) < LEAST_POINTS:
-        raise StripeError(where, f"{len(p)} valid points, too few to fit a plane", "check the capture and calibration")
+        raise TooFewPointsError(where, f"{len(p)} valid points, too few to fit a plane", LOOK)
     columns = p.T.copy()  # sums along them take a tenth of the time
     mean = columns.mean(axis=1)
     columns -= mean[:, None]
     spread, vectors = np.linalg.eigh(columns @ columns.T)
     if spread[1] <= COLLINEAR**2 * spread[2]:
-        raise StripeError(
-            where, f"{len(p)} valid points on one line", "check the capture: no plane follows from a line"
-        )
+        remedy = "check the capture: no plane follows from a line"
+        raise TooFewPointsError(where, f"{len(p)} valid points on one line", remedy)
     normal = vectors[:, 0]
     offset = float(normal @ mean)
     if offset > 0 or (offset == 0 and normal[2] < 0):
@@ -98,7 +98,7 @@ def evaluate_plane(
 
     Raises
     ------
-    StripeError
+    TooFewPointsError
         If there are fewer than 4 points, or they lie on a line.
 
     Notes
@@ -111,6 +111,9 @@ def evaluate_plane(
     valid = cloud.valid
     points = cloud.xyz_mm.reshape(-1, 3).compress(valid.ravel(), axis=0).astype(np.float64)
     elsewhere = _elsewhere(points, valid, capture)
+    if len(points) < LEAST_POINTS and (rule := _excluded(phase, valid, elsewhere, outside)[1]):
+        seen = f"{len(points)} valid points, too few to fit a plane; of the others: {rule}"
+        raise TooFewPointsError(capture, seen, LOOK)
     points = points.compress(~elsewhere[valid], axis=0)
     valid &= ~elsewhere
     plane = fit_plane(points, where=capture)

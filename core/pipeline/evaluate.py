@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from core.errors import InputError, NoCoordinateError
+from core.errors import InputError, NoCoordinateError, StripeError, TooFewPointsError
 from core.figures import evaluation_figures
 from core.geometry import knows
 from core.model import (
@@ -113,17 +113,20 @@ def _judge(
     of_whole = {capture.name: capture for capture in planes}
     shared = beside(lambda: shared_frames(project, planes))
 
-    def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, tuple[str, str], Any, list[Row]]:
-        alone = len(of_whole[capture.name].pairs) == 1
-        rows = _of_pair(project, capture, phase, calibrations, progress, alone)
+    def by_pair(capture: Capture, phase: PhaseMap) -> tuple[PhaseMap | None, tuple[str, str], Any, Any]:
+        rows = _of_pair(project, capture, phase, calibrations, progress, len(of_whole[capture.name].pairs) == 1)
         kept = phase if len(of_whole[capture.name].pairs) > 1 else None
         return kept, (phase.camera, phase.projector), (light_end(phase.u), light_end(phase.v)), rows
 
     found: list[Row] = []
+    lacking: list[StripeError] = []
     ends: dict[tuple[str, str], dict[str, Any]] = {}
     seen: dict[str, list[PhaseMap]] = {}
-    for capture, (phase, pair, end, rows) in from_phase_maps(project, planes, by_pair, progress, MODULES):
+    for capture, (phase, pair, end, (rows, not_by)) in from_phase_maps(project, planes, by_pair, progress, MODULES):
         found += rows
+        lacking += not_by.values()
+        for by, error in not_by.items():
+            logging.getLogger(__name__).warning("%s: %s; not judged by %s", error.where, error.seen, by)
         ends.setdefault(pair, {})[capture.name] = end
         if phase is not None:
             seen.setdefault(capture.name, []).append(phase)
@@ -139,6 +142,8 @@ def _judge(
                         whole = united([p for p in together if p.camera == camera])
                         found.append(_judged(capture, whole, name, calibration, cloud, said, by))
             del seen[capture.name]
+    if not found and lacking:
+        raise lacking[0]
     if not found:
         devices = {n for c in calibrations.values() for n in getattr(c, "devices", ())}
         raise InputError(project.path, f"no plane by the calibrated {', '.join(sorted(devices))}", "capture one")
@@ -170,7 +175,10 @@ def judge_plane(
     project: Project, capture: Capture, phase: PhaseMap, calibrations: Mapping[Method, Calibration]
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge a plane that one pair of devices saw, by itself; nothing of it is kept."""
-    return _told(_of_pair(project, capture, phase, calibrations, SILENT), calibrations, {})
+    rows, lacking = _of_pair(project, capture, phase, calibrations, SILENT)
+    if not rows and lacking:
+        raise next(iter(lacking.values()))
+    return _told(rows, calibrations, {})
 
 
 def _of_pair(
@@ -180,22 +188,30 @@ def _of_pair(
     calibrations: Mapping[Method, Calibration],
     progress: Progress,
     alone: bool = True,
-) -> list[Row]:
-    """Evaluate a plane by every calibration of a pair of devices, which took it alone or beside others."""
-    rows, lacking = [], []
+) -> tuple[list[Row], dict[str, StripeError]]:
+    """Evaluate a plane by every calibration of a pair of devices, which took it alone or beside others.
+
+    Also what it cannot be judged by, and why: a method that uses one coordinate where the pair has the other, or whose
+    depths end before.
+    """
+    rows: list[Row] = []
+    lacking: dict[str, StripeError] = {}
     for name, calibration in calibrations.items():
         if covers(name, calibration, phase, project):
+            by = name if alone else f"{phase.camera} and {phase.projector}"
             try:
-                rows.append(_by_itself(capture, phase, name, calibration, progress))
-            except NoCoordinateError as error:  # the depth method uses one, and a pair may need another
-                lacking += [InputError(capture.path, error.seen, f"{error.remedy}, or take it out of project.json")]
-    if lacking and not rows and alone:
-        with because_of({capture.name: (*capture.notes, *phase.notes)}):
-            raise lacking[0]
-    for one in lacking:
-        by = "it" if alone else f"{phase.camera} and {phase.projector}"
-        logging.getLogger(__name__).warning("%s: %s; not judged by %s", one.where, one.seen, by)
-    return rows
+                with because_of({capture.name: (*capture.notes, *phase.notes)} if alone else {}):
+                    try:
+                        rows.append(_by_itself(capture, phase, name, calibration, progress))
+                    except NoCoordinateError as error:
+                        remedy = f"{error.remedy}, or take it out of project.json"
+                        raise NoCoordinateError(capture.path, error.seen, remedy) from None
+            except (NoCoordinateError, TooFewPointsError) as lack:
+                lacking[by] = lack
+    dark = [lack for lack in lacking.values() if isinstance(lack, NoCoordinateError)]
+    if alone and not rows and dark:  # the capture shows nothing, or the wrong patterns
+        raise dark[0]
+    return rows, lacking
 
 
 def _told(

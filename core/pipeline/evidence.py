@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from core.errors import AdjustmentError, InputError, NoCoordinateError, NotRecognisedError, StripeError, listed
+from core.errors import (
+    AdjustmentError,
+    InputError,
+    NoCoordinateError,
+    NotRecognisedError,
+    StripeError,
+    TooFewPointsError,
+    listed,
+)
 from core.lazy import dataclass
 from core.model import (
     Adjustment,
@@ -51,6 +59,8 @@ if TYPE_CHECKING:
 
 HARMLESS = "pick", "mended"  # notes that leave no result in doubt: there are more picks than are needed
 MIDDLE = 64  # bytes
+# kinds of errors to which a cause may be added
+KINDS = StripeError, AdjustmentError, InputError, NotRecognisedError, NoCoordinateError, TooFewPointsError
 LIT_BY = 6  # frames, which light nearly all pixels between them
 BRIGHTER, NOISE, UNLIKE = 1.15, 0.05, 0.02  # than white; of what is brightest; of the lit pixels, which noise leaves
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
@@ -163,8 +173,7 @@ def because_of(notes: Mapping[str, Sequence[str]]) -> Iterator[None]:
         told = [c.text for c in noted(notes)]
         sharp = any(points_at_a_cause(note) for texts in notes.values() for note in texts)
         kind = AdjustmentError if isinstance(error, AdjustmentError) else type(error)  # its own kinds say the same
-        known = kind in (StripeError, AdjustmentError, InputError, NotRecognisedError)
-        if not known or not told or (isinstance(error, InputError) and not sharp):
+        if kind not in KINDS or not told or (isinstance(error, InputError) and not sharp):
             raise
         raise kind(error.where, error.seen, f"{error.remedy}. First see to this: {told[0]}") from None
 

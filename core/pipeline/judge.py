@@ -121,11 +121,28 @@ def judge_planes(
 
 
 def judge_points(
-    cloud: PointCloud, said: Mapping[str, Sequence[str]], method: Method, calibration: Calibration
+    cloud: PointCloud,
+    said: Mapping[str, Sequence[str]],
+    method: Method,
+    calibration: Calibration,
+    extrapolated: int = 0,
 ) -> PointCloud:
-    """Judge points by what their captures say of themselves (`said_of`, by name), and by their calibration."""
+    """Judge points by what their captures say of themselves (`said_of`, by name), and by their calibration.
+
+    `extrapolated` of them lie where the calibration saw nothing.
+    """
     notes = {name: [note for note in own if named_by(note) not in HARMLESS] for name, own in said.items()}
-    return replace(cloud, verdict=verdict_of([*based_on(method, calibration.verdict), *noted(notes)]))
+    concerns = [*based_on(method, calibration.verdict), *noted(notes)]
+    count = int(np.count_nonzero(cloud.valid))
+    if not count:
+        concerns.append(Concern("failed", f"no points: {METHODS[method].outside}, every decoded pixel"))
+    elif extrapolated:
+        text = (
+            f"{extrapolated} of {count} points lie beyond the calibrated depths, where nothing shows how curves go on: "
+            "no sigma contains that"
+        )
+        concerns.append(Concern("doubtful", text))
+    return replace(cloud, verdict=verdict_of(concerns))
 
 
 def based_on(method: Method, verdict: Verdict | None) -> list[Concern]:

@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from core.atomic import check_place
 from core.errors import InputError
 from core.model import (
@@ -62,7 +64,7 @@ def reconstruct_capture(
     record = METHODS[chosen]
     capture = one_series(find_capture(project, name), camera, projector)
     check_pair(project, record, calibration, capture.camera, capture.projector)
-    used = calibration
+    used, extrapolated = calibration, 0
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")
@@ -80,11 +82,14 @@ def reconstruct_capture(
         seen = [phase]
         with points_of(capture, seen):
             cloud = record.reconstruct(phase, used, extrapolate, progress.part(0.5, 1.0))
+            if extrapolate:
+                inside = record.reconstruct(phase, used, False, SILENT).valid
+                extrapolated = int(np.count_nonzero(cloud.valid & ~inside))
     shared = asked()[1] if asked else None
     if shared is None:
         shared = shared_frames(project, [capture])[capture.name]
     said = (*shared, *said_of(capture, seen, _witness(project, chosen, used)))
-    return phase, judge_points(cloud, {capture.name: said}, chosen, calibration)
+    return phase, judge_points(cloud, {capture.name: said}, chosen, calibration, extrapolated)
 
 
 def asked_beside(project: Project, name: str, method: Method | None) -> Callable[[], Asked]:

@@ -271,6 +271,17 @@ def _rule(evaluation: PlaneEvaluation) -> str:
     return evaluation.excluded_rule.removeprefix(f"{evaluation.excluded} ")
 
 
+def _not_judged(evaluations: tuple[PlaneEvaluation, ...]) -> list[tuple[str, list[str]]]:
+    """Planes that other methods judged by the same devices, by method."""
+    judged = {(e.capture, e.devices, e.method) for e in evaluations}
+    missing: dict[str, list[str]] = {}
+    for method, devices in dict.fromkeys((e.method, e.devices) for e in evaluations):
+        for capture in dict.fromkeys(e.capture for e in evaluations if e.devices == devices):
+            if (capture, devices, method) not in judged:
+                missing.setdefault(method, []).append(capture)
+    return [*missing.items()]
+
+
 def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published | None) -> Table:
     """Table 3: deviations from the fitted plane, one row per capture and method."""
     rules = list(dict.fromkeys(_rule(e) for e in evaluations if e.excluded))
@@ -299,6 +310,10 @@ def plane_table(evaluations: tuple[PlaneEvaluation, ...], published: Published |
     columns += ["predicted [mm]", *(["published [mm]"] if published else [])]
     notes = ["d: deviation from the fitted plane; max |d| its largest magnitude, min d the most negative one."]
     notes += [f"({mark}) excluded: {rule or 'no rule given'}" for rule, mark in marks.items()]
+    notes += [
+        f"Not judged by {method}, which has no points there: {', '.join(of)}."
+        for method, of in _not_judged(evaluations)
+    ]
     if not rules:
         notes.append("No pixel that the decoder called valid was excluded.")
     if published:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,7 +21,7 @@ from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import Note, PhaseMap, PointCloud, Verdict, named_by
 from core.patterns import White
 from core.pipeline import calibrate_project, decode_capture, load_calibrations, reconstruct_capture
-from core.pipeline.evaluate import evaluate_project
+from core.pipeline.evaluate import evaluate_project, load_evaluation
 from core.pipeline.evidence import is_white_of, shared_frames
 from core.pipeline.folders import find_capture
 from core.pipeline.judge import judge_points, said_of
@@ -28,6 +29,7 @@ from core.pipeline.merge import merge_captures
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.update import keep_points
 from core.project import contents, read_capture, read_project
+from core.report.numbers import plane_table
 
 OBJECT = "plane+00"
 Disturb = Callable[[list[np.ndarray]], list[np.ndarray]]
@@ -258,3 +260,55 @@ def test_code_frames_without_noise_that_are_lit_all_over_are_one_image(tmp_path:
     shutil.copy(tmp_path / "9.png", tmp_path / "1.png")
     shutil.copy(tmp_path / "9.png", tmp_path / "3.png")
     assert told() == ["1.png and 3.png are the same image under two patterns and 2 pairs more: record one again"]
+
+
+def beyond(calibrations: dict[str, Any]) -> dict[str, Any]:
+    """The same with a depth calibration of plates that stood where none of the planes does."""
+    depth = calibrations["polynomial"]
+    return {**calibrations, "polynomial": replace(depth, u_range=depth.u_range + 2000)}
+
+
+def test_planes_beyond_the_calibrated_depths_leave_the_other_method_its_figures(
+    calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog, capsys
+) -> None:
+    found = load_calibrations(read_project(calibrated))
+    monkeypatch.setattr("core.pipeline.evaluate.load_calibrations", lambda project: beyond(found))
+    planes = told(["evaluate", str(calibrated)], tmp_path)["planes"]
+    assert {plane["method"] for plane in planes} == {"photogrammetric"}
+    assert "0 valid points" in caplog.text
+    assert "outside the calibrated depths or field" in caplog.text
+    assert "not judged by polynomial" in caplog.text
+    alone = {"polynomial": beyond(found)["polynomial"]}
+    monkeypatch.setattr("core.pipeline.evaluate.load_calibrations", lambda project: alone)
+    capsys.readouterr()
+    assert main(["evaluate", str(calibrated)]) == 1
+    assert "outside the calibrated depths or field" in capsys.readouterr().err
+
+
+def test_a_table_names_the_planes_that_one_method_has_no_points_of(whole_original: Path) -> None:
+    rows = load_evaluation(read_project(whole_original))
+    lost = next(row for row in rows if row.method == "polynomial")
+    notes = plane_table(tuple(row for row in rows if row is not lost), None).notes
+    assert f"Not judged by polynomial, which has no points there: {lost.capture}." in notes
+    assert not any("Not judged" in note for note in plane_table(rows, None).notes)
+
+
+def test_no_points_at_all_are_no_passed_ones(calibrated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    project, words = read_project(calibrated), ["--method", "polynomial", "--out", str(tmp_path / "p.npz")]
+    depth = load_calibrations(project)["polynomial"]
+    nowhere = beyond(load_calibrations(project))["polynomial"]
+    monkeypatch.setattr("core.pipeline.reconstruct.chosen_calibration", lambda project, method: (method, nowhere))
+    verdict = told(["reconstruct", str(calibrated), OBJECT, *words], tmp_path)["verdict"]
+    assert verdict["state"] == "failed"
+    assert "no points: outside the calibrated depths" in verdict["because"][0]
+    # half of what was calibrated: the points beyond are counted, by the ranges of their own pixels
+    phase = decode_capture(calibrated / "captures" / OBJECT)
+    middle = depth.u_range.mean(axis=0)
+    narrow = replace(depth, u_range=np.stack([depth.u_range[0], middle]))
+    monkeypatch.setattr("core.pipeline.reconstruct.chosen_calibration", lambda project, method: (method, narrow))
+    verdict = told(["reconstruct", str(calibrated), OBJECT, "--extrapolate", *words], tmp_path)["verdict"]
+    off = (phase.u < depth.u_range[0]) | (phase.u > middle)
+    assert verdict["state"] == "doubtful"
+    count, total = (int(n) for n in re.match(r"(\d+) of (\d+) points lie beyond", verdict["because"][0]).groups())
+    assert count == pytest.approx(np.count_nonzero(off), rel=0.01)
+    assert total >= count
