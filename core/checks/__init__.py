@@ -20,7 +20,7 @@ left_out.py  points and captures that had no part, with the reasons
 
 from core.checks.boards import exchanged_notes, misplaced_concerns, misplaced_on_plate
 from core.checks.captures import grey_concerns, repeated_frames, repeated_planes, repeated_targets, size_concerns
-from core.checks.depth import placed_concerns, travel_concerns
+from core.checks.depth import flatness_concerns, placed_concerns, travel_concerns
 from core.checks.given import given_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
@@ -28,14 +28,14 @@ from core.checks.network import adjustment_concerns, nominal_concerns, sound_wor
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
-from core.checks.volume import depthless_concerns
+from core.checks.volume import bend_of_plane, depthless_concerns, fields_at
 from core.checks.weights import uneven_axes
 
 __all__ = [
-    "Plates", "adjustment_concerns", "bar_notes", "code_concerns", "depthless_concerns", "end_notes",
-    "exchanged_notes", "foreign_concerns", "form_of", "given_concerns", "grey_concerns", "is_noise", "left_out_of",
-    "length_concerns", "light_end", "misplaced_concerns", "misplaced_on_plate", "nominal_concerns", "pair_concerns",
-    "placed_concerns", "plane_concerns", "plane_words", "pose_plates", "rejected_of", "repeated_frames",
-    "repeated_planes", "repeated_targets", "response_concerns", "see_plates", "size_concerns", "sound_words",
-    "travel_concerns", "uneven_axes",
+    "Plates", "adjustment_concerns", "bar_notes", "bend_of_plane", "code_concerns", "depthless_concerns", "end_notes",
+    "exchanged_notes", "fields_at", "flatness_concerns", "foreign_concerns", "form_of", "given_concerns",
+    "grey_concerns", "is_noise", "left_out_of", "length_concerns", "light_end", "misplaced_concerns",
+    "misplaced_on_plate", "nominal_concerns", "pair_concerns", "placed_concerns", "plane_concerns", "plane_words",
+    "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns",
+    "see_plates", "size_concerns", "sound_words", "travel_concerns", "uneven_axes",
 ]  # fmt: skip

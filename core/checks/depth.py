@@ -10,9 +10,11 @@ from core.checks.plates import Plates
 from core.digits import unit_hint
 from core.geometry import matrix_from_rotation_vector, rotation_vector_from_matrix
 from core.model import Array, Concern, DepthCalibration
-from core.numerics import chi_square_limit
+from core.numerics import chi_square_limit, fisher_limit
 
 FAILED = 3.0  # times the limits
+FEWEST, REPEATED = 8, 3  # targets that tell a plane's form; positions that tell their noise
+UNEVEN, MOST_UNEVEN = 0.5, 4.0  # of the noise of depths
 NEARLY = 0.2  # by which c may be off the nominal one beside a mistaken unit
 
 
@@ -35,6 +37,37 @@ def placed_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Conc
         "both again if the camera was moved between"
     )
     return [Concern("failed" if min(factor, off / limit) > FAILED else "doubtful", text, "plates")]
+
+
+def flatness_concerns(depth: DepthCalibration, plates: Plates | None) -> list[Concern]:
+    """H0: the plate is flat; its targets lie off a plane by noise alone, and not alike at all positions.
+
+    Curves go through the plate's surface, as if it were flat, and no residual shows that it is not.
+    """
+    if plates is None or not depth.noise_rms_mm:
+        return []
+    off = np.full(plates.xyz_mm.shape[:2], np.nan)
+    for xyz, own in zip(plates.xyz_mm, off, strict=True):
+        seen = np.isfinite(xyz).all(axis=1)
+        if np.count_nonzero(seen) >= FEWEST:
+            about = xyz[seen] - xyz[seen].mean(axis=0)
+            normal = np.linalg.svd(about, full_matrices=False)[2][2]
+            own[seen] = about @ (normal * np.sign(normal[2]))
+    count = np.isfinite(off).sum(axis=0)
+    off, count = off[:, count >= REPEATED], count[count >= REPEATED]
+    if len(count) < FEWEST:
+        return []
+    mean, spread = np.nanmean(off, axis=0), np.nanvar(off, axis=0, ddof=1)
+    noise = float(np.mean(spread / count))
+    form = max(float(np.mean(mean**2)) - noise, 0.0) ** 0.5
+    free = int(np.sum(count - 1))
+    if np.mean(mean**2) <= fisher_limit(len(count) - 3, free, LEVEL) * noise or form <= UNEVEN * depth.noise_rms_mm:
+        return []
+    text = (
+        f"the plate is not flat: its targets lie {form:.2g} mm r.m.s. off a plane, alike at all positions, and depths "
+        f"are off by as much there (noise {depth.noise_rms_mm:.2g} mm): use a flat plate"
+    )
+    return [Concern("failed" if form > MOST_UNEVEN * depth.noise_rms_mm else "doubtful", text, "plates")]
 
 
 def travel_concerns(depth: DepthCalibration, camera: str) -> list[Concern]:

@@ -131,6 +131,23 @@ def image_fields(device: AdjustedDevice, covariance: Array, xyz_mm: Array) -> Ar
     return _without(np.reshape(moved, (-1, *start.shape)), np.array(stepped))
 
 
+def bend_of_plane(fields: Array, xyz_mm: Array, normal: Array) -> float:
+    """By how much errors of a calibration, as fields (k, n, 3), bend a plane through points (n, 3), mm r.m.s.
+
+    Where the plane stands and how it is tilted is no matter of its form.
+    """
+    A = np.column_stack([np.ones(len(xyz_mm)), xyz_mm - xyz_mm.mean(axis=0)])
+    moved = fields @ normal
+    rest = moved - moved @ np.linalg.pinv(A, rcond=1e-9).T @ A.T
+    return float(np.sqrt(np.mean(np.sum(rest**2, axis=0)))) if len(fields) else 0.0
+
+
+def fields_at(pair: Pair, uv: Array, xyz_mm: Array) -> Array:
+    """Move points (n, 3) of camera pixels (n, 2) by independent errors of a calibration, one sigma each: (k, n, 3)."""
+    lines = project(pair.projector.spec, pair.projector.interior, xyz_mm, pair.projector_from_camera)
+    return point_fields(pair, Volume(uv, lines, xyz_mm, np.zeros((0, 3)), (0, 0, 0)))
+
+
 def form_of_fields(fields: Array, xyz_mm: Array) -> Array:
     """Take the best movement of all points as one off each field, shape (k, n, 3)."""
     return _without(fields, _movements(xyz_mm))

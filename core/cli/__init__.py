@@ -69,6 +69,17 @@ def _not_ended() -> bool:
     return False
 
 
+def _parsed(given: list[str]) -> Any:
+    """Read the arguments; names of captures may follow options, which argparse itself takes for too many."""
+    of = parser(*given[:1])
+    options, further = of.parse_known_args(given)
+    if further and (not hasattr(options, "captures") or any(word.startswith("-") for word in further)):
+        of.error(f"unrecognized arguments: {' '.join(further)}")
+    if further:
+        options.captures = [*options.captures, *further]
+    return options
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; give the exit code: 0 done, 2 bad input, 1 the work failed, 128 + the signal that ended it."""
     started = time.monotonic()
@@ -77,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console(started)
     try:
         given = sys.argv[1:] if arguments is None else list(arguments)
-        options = parser(*given[:1]).parse_args(given)
+        options = _parsed(given)
         if options.json not in (None, "-"):
             _check_json(Path(options.json), getattr(options, "out", None))
         with _guarded(options), _told(options.json):

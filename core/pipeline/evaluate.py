@@ -28,7 +28,7 @@ from core.pipeline.calibrate import load_calibrations
 from core.pipeline.decode import from_phase_maps
 from core.pipeline.evidence import because_of, shared_frames
 from core.pipeline.folders import captures_of, result_path
-from core.pipeline.judge import calibration_rms, judge_planes, said_of
+from core.pipeline.judge import bend_rms, judge_planes, said_of
 from core.pipeline.methods import METHODS
 from core.pipeline.runs import calibration_hashes
 from core.pipeline.state.inputs import evaluated_from
@@ -47,7 +47,7 @@ CAMERAS = "all cameras"  # where no projector is calibrated
 MODULES = ("core.evaluate.planes", "core.orient.motion", "core.reconstruct.points", "numpy.random")
 COMPARED = 3  # frames of planes that stand at one place
 
-# with it the form of the deviations, what the calibration alone makes of them, mm r.m.s., and what is said of it
+# with it the form of the deviations, how far the calibration alone may bend it, mm r.m.s., and what is said of it
 Row = tuple[PlaneEvaluation, "Form", float, Sequence[str]]
 
 
@@ -271,7 +271,8 @@ def _judged(
         )
     form = form_of(row.deviation_mm)
     told = replace(row, devices=(phase.camera, by), form_pv_um=form.pv_um, noisy=is_noise(row, form))
-    return told, form, calibration_rms(cloud), said
+    # what noise explains needs no excuse by the calibration
+    return told, form, 0.0 if told.noisy else bend_rms(told, cloud, calibration), said
 
 
 def load_evaluation(project: Project) -> tuple[PlaneEvaluation, ...]:

@@ -17,6 +17,7 @@ from core.model import (
     Calibration,
     Capture,
     Concern,
+    DepthCalibration,
     Method,
     Network,
     Note,
@@ -36,6 +37,7 @@ from core.project.contents import contents_of
 if TYPE_CHECKING:
     from core.checks.planes import Form
 
+BENT_BY = 150  # pixels tell how a calibration's errors bend a plane
 PLACES = 1000  # means of pixels that tell whether a rig has moved so far that it matters to points
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less matters to points in depth alone
 OFF_IN_DEPTH = 4.0  # standard deviations of a change of depth; by chance once in 16,000 captures
@@ -211,8 +213,30 @@ def _moved(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair, capt
     )
 
 
-def calibration_rms(cloud: PointCloud) -> float:
-    """What the calibration's uncertainty alone adds to the points' depths, mm r.m.s."""
+def bend_rms(e: PlaneEvaluation, cloud: PointCloud, calibration: Calibration) -> float:
+    """What the calibration's uncertainty alone makes of a plane's deviations, mm r.m.s.: it bends the plane.
+
+    Of points by several devices, what it adds to their depths, though much of that moves the plane as a whole.
+    """
+    from core.checks import bend_of_plane, fields_at
+    from core.evaluate import points_on_plane
+    from core.reconstruct.lookup import moved_points
+
+    of_pair = isinstance(calibration, PhotogrammetricCalibration) and e.devices[1] in calibration.projectors
+    if e.camera is None or not (of_pair or isinstance(calibration, DepthCalibration)):
+        return _depth_rms(cloud)
+    row, column = np.nonzero(np.isfinite(e.deviation_mm))
+    uv = np.stack([column, row], axis=1)[:: max(1, len(row) // BENT_BY)].astype(float)
+    if isinstance(calibration, DepthCalibration):
+        xyz = points_on_plane(e.plane, calibration.camera_spec, e.camera, uv)
+        return bend_of_plane(moved_points(calibration, uv, xyz), xyz, e.plane[:3])
+    assert isinstance(calibration, PhotogrammetricCalibration)
+    pair = pair_of(calibration, *e.devices)
+    xyz = points_on_plane(e.plane, pair.camera.spec, e.camera, uv)
+    return bend_of_plane(fields_at(pair, uv, xyz), xyz, e.plane[:3])
+
+
+def _depth_rms(cloud: PointCloud) -> float:
     if cloud.sigma_mm is None or cloud.sigma_depth_mm is None:
         return 0.0
     squares = cloud.sigma_mm[..., 2] ** 2 - cloud.sigma_depth_mm**2

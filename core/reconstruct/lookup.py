@@ -197,7 +197,7 @@ def _coefficients(calibration: DepthCalibration, height: int, width: int) -> Flo
     sigma = np.sqrt(np.maximum(np.diag(calibration.covariance), 0))
     size = np.where(sigma > 0, STEP * sigma, 1.0)
     scaled = calibration.covariance / np.outer(size, size)
-    at_z = np.array([-far, 0.0, far])
+    at_z = np.array([-far, 0.0, far])[:, None, None]
     moves = size * np.eye(len(size))
     J = np.stack([(_points(calibration, uv, at_z, m) - _points(calibration, uv, at_z, -m)) / 2 for m in moves], axis=-1)
     low, middle, high = (np.einsum("vuip,pq,vuiq->ivu", j, scaled, j) for j in J)
@@ -206,8 +206,18 @@ def _coefficients(calibration: DepthCalibration, height: int, width: int) -> Flo
     )
 
 
+def moved_points(calibration: DepthCalibration, uv: Array, xyz: Array) -> Array:
+    """Move points (n, 3) of pixels (n, 2) by independent errors of the orientation, one sigma each: (k, n, 3)."""
+    if calibration.covariance is None:
+        return np.zeros((0, *xyz.shape))
+    z = _plate_z(calibration, np.asarray(xyz, np.float32)).astype(np.float64)
+    values, vectors = np.linalg.eigh(calibration.covariance)
+    errors = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    return np.stack([(_points(calibration, uv, z, e) - _points(calibration, uv, z, -e)) / 2 for e in errors])
+
+
 def _points(calibration: DepthCalibration, uv: Array, z: Array, change: Array) -> Array:
-    """Where the rays of pixels (..., 2) meet the plate at each z (k,), with the parameters changed: (k, ..., 3)."""
+    """Where the rays of pixels (..., 2) meet the plate at z, of a shape that goes with theirs; parameters changed."""
     start, pose, axis = calibration.camera, calibration.camera_from_plate, calibration.axis_direction
     interior = start.changed(change[:-8])
     R = matrix_from_rotation_vector(rotation_vector_from_matrix(pose.rotation) + change[-8:-5])
@@ -215,6 +225,6 @@ def _points(calibration: DepthCalibration, uv: Array, z: Array, change: Array) -
     direction = np.sign(axis[2]) * np.array([*slopes, 1.0]) / np.sqrt(1 + slopes @ slopes)
     rays = ray_directions(calibration.camera_spec, interior, uv)
     normal = R[:, 2]
-    along = normal @ R @ direction * z[:, None, None]
+    along = normal @ R @ direction * z
     reach = (normal @ (pose.translation_mm + change[-5:-2]) + along) / (rays @ normal)
     return np.asarray(rays * reach[..., None])

@@ -258,3 +258,9 @@ def test_numbers_that_measure_or_count_nothing_are_refused(words: list[str], cal
     assert capsys.readouterr().err.startswith(
         (f"stripe-core: {option}: is {value};", f"stripe-core: {option} {value}: is no {option[2:]};")
     )
+
+
+def test_names_of_captures_may_follow_options(calibrated: Path, tmp_path: Path) -> None:
+    out = tmp_path / "points"
+    assert main(["batch", str(calibrated), "--do", "reconstruct", "--out", str(out), "plane+00", "plane+15"]) == 0
+    assert {path.name for path in out.iterdir() if path.is_dir()} == {"plane+00", "plane+15"}

@@ -36,8 +36,8 @@ from core.progress import Progress
 
 TOO_BENT, MOST_BENT = 0.5, 4.0  # what a higher degree would explain of the residuals, over what it would leave
 LEAST_PLATES = 4  # that curves can be judged by
-# of the residuals over those that the noise leaves: of sound polynomials 1.05 at most, a table's are between plates
-RESIDUAL_RATIO, OF_TABLE, FAILED_RATIO = 1.35, 2.5, 5.0
+# of the residuals over those that the noise leaves: of sound polynomials 1.05 at most
+RESIDUAL_RATIO, FAILED_RATIO = 1.35, 5.0
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def _degree_for(planes: int, wanted: int | None) -> tuple[int | None, list[str]]
 
 
 def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
-    from core.checks import misplaced_on_plate, placed_concerns, travel_concerns
+    from core.checks import flatness_concerns, misplaced_on_plate, placed_concerns, travel_concerns
 
     lengths, (camera, _) = evidence.lengths, POLYNOMIAL.pair(evidence.project, depth)
     known = evidence.calibrations.get(evidence.photogrammetric or "")
@@ -176,6 +176,7 @@ def _judge(evidence: Evidence, name: str, depth: DepthCalibration) -> Judgement:
         of_plates = [*misplaced_on_plate(board, plates), *of_plates]
     if not of_plates and isinstance(known, PhotogrammetricCalibration) and known.camera_name == camera:
         of_plates = placed_concerns(depth, plates)  # in that camera's frame
+    of_plates = [*of_plates, *flatness_concerns(depth, plates)]
     sound = (f"residuals of {depth.residual_rms_mm:.3g} mm r.m.s.",)
     return Judgement([*of_plates, *_of_residuals(depth)], sound, evidence.left_out(name))
 
@@ -197,14 +198,31 @@ def _of_residuals(depth: DepthCalibration) -> list[Concern]:
             f"{rest:.3g} mm of the residuals of {depth.residual_rms_mm:.3g} mm: calibrate with a higher degree"
         )
         return [Concern("failed" if depth.bent_rms_mm > MOST_BENT * rest else "doubtful", text)]
-    ratio = depth.residual_rms_mm / (depth.noise_rms_mm or np.inf)
-    if ratio <= (OF_TABLE if depth.degree is None else RESIDUAL_RATIO):
+    if depth.degree is None:
+        return _of_table(depth, noise_mm)
+    ratio = depth.residual_rms_mm / (noise_mm or np.inf)
+    if ratio <= RESIDUAL_RATIO:
         return []
     text = (
         f"residuals of {depth.residual_rms_mm:.3g} mm are {ratio:.3g} times what the noise leaves: a plate does not "
         "stand where z_mm says or is tilted against the others, it is not flat, or the degree is too low"
     )
     return [Concern("failed" if ratio > FAILED_RATIO else "doubtful", text)]
+
+
+def _of_table(depth: DepthCalibration, noise_mm: float) -> list[Concern]:
+    """Its residuals are those of inner positions from their neighbours: in the middle of chords twice as long.
+
+    A chord's largest error grows with the square of its length, and its r.m.s. is the root of 8/15 of that.
+    """
+    off_mm = (max(depth.residual_rms_mm**2 - 1.5 * noise_mm**2, 0.0) * 8 / 15) ** 0.5 / 4
+    if off_mm <= TOO_BENT * noise_mm:
+        return []
+    text = (
+        f"between its positions the table is off by about {off_mm:.2g} mm r.m.s. (noise {noise_mm:.2g} mm): capture "
+        "the plate at smaller steps, or take polynomials; where steps are small, a plate does not stand where z_mm says"
+    )
+    return [Concern("failed" if off_mm > MOST_BENT * noise_mm else "doubtful", text)]
 
 
 def _devices(project: Project, depth: DepthCalibration) -> list[tuple[str, DeviceSpec, DeviceSpec]]:

@@ -21,6 +21,7 @@ from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, matrix_from_rotation_vector, project, ray_directions
 from core.model import DeviceSpec, Interior, PhaseMap, TargetSet, Testfield
 from core.pipeline import load_calibrations
+from core.pipeline.methods.polynomial import _of_residuals
 from core.project import read_project
 from core.reconstruct import reconstruct
 
@@ -116,6 +117,21 @@ def test_what_few_plates_leave_between_them_is_known_by_their_distance(degree: i
     nearer = (704 / 600) ** (degree or 1)
     assert calibration.between_rms_mm == pytest.approx(nearer * np.sqrt(np.nanmean(np.square(off))), rel=0.1)
     assert calibrate_depth(SPEC, _field(), _planes(), options=DepthOptions(degree=degree)).between_rms_mm == 0
+
+
+def test_a_table_says_how_far_its_chords_are_off() -> None:
+    every = [replace(plane, phase=_phase(_plate(plane.z_mm), k, 0.005)) for k, plane in enumerate(_planes(noise=True))]
+    planes = every[::2]  # 20 mm apart
+    calibration = calibrate_depth(SPEC, _field(), planes, options=DepthOptions(degree=None, low_pass_px=0))
+    (concern,) = _of_residuals(calibration)
+    off, turned = [], calibration.camera_from_plate.inverse()
+    for z in np.linspace(planes[0].z_mm, planes[-1].z_mm, 41):
+        cloud = reconstruct(_phase(_plate(z)), calibration)
+        off.append(turned.apply(cloud.xyz_mm.astype(float))[..., 2] - z * calibration.axis_direction[2])
+    found = re.match(r"between its positions the table is off by about (\S+) mm", concern.text)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(np.sqrt(np.nanmean(np.square(off))), rel=0.1)
+    assert _of_residuals(calibrate_depth(SPEC, _field(), every)) == []
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.checks.volume import difference, form_of_fields, image_fields, point_fields, sigmas_of, volume_of
+from core.checks.plates import intersect_targets
+from core.checks.volume import (
+    bend_of_plane,
+    difference,
+    fields_at,
+    form_of_fields,
+    image_fields,
+    point_fields,
+    sigmas_of,
+    volume_of,
+)
 from core.errors import InputError
-from core.geometry import Pose, pair_of, perturbed
+from core.geometry import Pose, pair_of, perturbed, project, ray_directions
 from core.model import AdjustedDevice, DeviceSpec, Interior
 from tests.calibrated import calibration_of_pair
 
@@ -63,6 +73,23 @@ def test_drawn_errors_are_as_large_as_the_sigmas_say(pair):
     assert np.max(statistics) < found.limit
     far = perturbed(without_sigmas(pair), 5 * vectors @ np.sqrt(np.maximum(values, 0)))
     assert difference(pair, far, DEPTHS).significant
+
+
+def test_drawn_errors_bend_a_plane_by_as_much_as_is_said(pair):
+    normal = np.array([0.3, -0.1, 1.0]) / np.linalg.norm([0.3, -0.1, 1.0])
+    uv = np.stack(np.meshgrid(np.linspace(60, 440, 9), np.linspace(60, 340, 7)), axis=-1).reshape(-1, 2)
+    rays = ray_directions(pair.camera.spec, pair.camera.interior, uv)
+    xyz = rays * (-480 * normal[2] / (rays @ normal))[:, None]
+    lines = project(pair.projector.spec, pair.projector.interior, xyz, pair.projector_from_camera)
+    values, vectors = np.linalg.eigh(pair.covariance)
+    rng, squares = np.random.default_rng(3), []
+    for _ in range(40):
+        other = perturbed(without_sigmas(pair), vectors @ (np.sqrt(np.maximum(values, 0)) * rng.normal(size=24)))
+        seen = intersect_targets(other, uv, lines, np.ones(lines.shape), xyz)[0]
+        about = seen - seen.mean(axis=0)
+        squares.append(np.linalg.svd(about)[1][2] ** 2 / len(about))  # about the plane that fits best
+    # of 40 draws of a few degrees of freedom each
+    assert bend_of_plane(fields_at(pair, uv, xyz), xyz, normal) == pytest.approx(np.mean(squares) ** 0.5, rel=0.15)
 
 
 def test_sigmas_of_points_follow_from_one_parameter_in_closed_form(pair):

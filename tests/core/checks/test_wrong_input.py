@@ -20,6 +20,7 @@ from core.calibrate.depth.camera import TargetPlane, orient_camera
 from core.checks import (
     adjustment_concerns,
     depthless_concerns,
+    flatness_concerns,
     foreign_concerns,
     length_concerns,
     misplaced_concerns,
@@ -32,7 +33,8 @@ from core.checks import (
 )
 from core.checks.plates import Plates
 from core.errors import StripeError
-from core.geometry import Pose, nominal, pair_of
+from core.geometry import Pose, pair_of
+from core.geometry import nominal as nominal_of
 from core.model import (
     Concern,
     DepthCalibration,
@@ -475,6 +477,27 @@ def test_a_plate_that_moved_sideways_is_named_among_others(aside_mm: float, told
     assert len(found) == len(told)
 
 
+@pytest.mark.parametrize(("bow_mm", "state"), [(0.0, []), (0.02, []), (0.2, ["doubtful"]), (1.5, ["failed"])])
+def test_a_plate_that_is_bowed_at_all_positions_is_told(bow_mm: float, state: list[str], projects) -> None:
+    """No residual of the depths shows it: the curves go through the bow."""
+    p, rng = projects["paper"], np.random.default_rng(2)
+    nominal = p.plate.xyz_mm
+    bowed = nominal + bow_mm * (np.sum(nominal**2, axis=1) / np.sum(nominal**2, axis=1).max())[:, None] * [0, 0, 1]
+    z = np.linspace(-40, 40, 6)
+    xyz = bowed + np.array([0, 0, 1.0]) * (z[:, None, None] - 600) + rng.normal(0, 0.01, (6, *nominal.shape))
+    seen = Plates(tuple("abcdef"), z, nominal, xyz, xyz[None][:0], {})
+    one = np.zeros((1, 1, 1), np.float32)
+    spec = p.rig.cameras["camera"]
+    depth = DepthCalibration(
+        "u", z, 3, one, one, 0.05, 1, spec, nominal_of(spec), Pose(), np.array([0, 0, 1.0]), noise_rms_mm=0.05
+    )
+    found = flatness_concerns(depth, seen)
+    assert [c.state for c in found] == state
+    # a bow of r² over a square of dots is this far off its plane, r.m.s.
+    off = bowed[:, 2] - bowed[:, 2].mean()
+    assert all(f"{np.std(off):.2g} mm r.m.s. off a plane" in c.text for c in found)
+
+
 def test_the_simulator_turns_as_it_says() -> None:
     assert np.allclose(turn("z", 90) @ [1, 0, 0], [0, 1, 0])
 
@@ -486,7 +509,7 @@ def test_a_column_is_found_elsewhere_by_the_camera_alone(name: str, projects: di
     spec = p.rig.cameras["camera"]
 
     def told(plate: Testfield) -> list[str]:
-        seen = pose_plates(spec, nominal(spec), p.plates, p.z_mm, plate, seen=True)
+        seen = pose_plates(spec, nominal_of(spec), p.plates, p.z_mm, plate, seen=True)
         return [concern.text for concern in misplaced_on_plate(plate, seen)]
 
     assert not told(p.plate)
