@@ -18,6 +18,7 @@ SMOOTH_SIDES = 4.0  # of the squares that tell the low pass lie in its standard 
 LEAST_COVERED, LEAST_SEEN = 0.6, 0.2  # share of the low pass's weight that must lie on the plane; at rims
 DEGREE, FITTED = 4, 4000  # of the surface that calibrations bend a plane to; pixels that tell it
 DOUBTFUL_RATIO, FAILED_RATIO = 1.5, 3.0  # r.m.s. over what the noise predicts
+LEAST_RATIO = 0.4  # sharp square fringes of 8 lines reach 0.56, whose sigmas contain what they err alike
 SHAPED = 0.3  # of the predicted r.m.s. may be form; of 60 sound planes on twelve rigs at most 0.11
 GROSS = 6.0  # predicted sigmas beyond which a deviation is no noise
 CORE, BEYOND_CORE = 2.0, 0.0455  # sigmas, and the share of noise beyond them
@@ -127,7 +128,7 @@ def plane_concerns(e: PlaneEvaluation, form: Form, calibration_rms_mm: float = 0
             cause = _scattered(e)
         failed = max(excess, scatter / DOUBTFUL_RATIO) > FAILED_RATIO / DOUBTFUL_RATIO
         return [Concern("failed" if failed else "doubtful", f"{told}; {shape}: {cause}"), *beside]
-    if e.rms_mm * (1 + 3 / np.sqrt(2 * e.n)) < e.predicted_rms_mm / DOUBTFUL_RATIO:
+    if e.rms_mm * (1 + 3 / np.sqrt(2 * e.n)) < LEAST_RATIO * e.predicted_rms_mm:
         text = (
             f"{told}: its sigmas are too large, as frames that contradict each other or a gamma of the camera's make "
             "them; record frames as the sensor gives them"
