@@ -279,7 +279,7 @@ def _check_count(
         seen = f"holds {len(files)} images, the sequence has {len(patterns)} patterns ({spec.words})"
         remedy = "add or remove frames, or give the --sequence that was shown"
         if (other := like(spec, lines, len(files))) is not None:
-            remedy += f"; {other} has {len(files)}"
+            remedy += f"; {other}, for one, has {len(files)}, other periods may have as many"
         raise InputError(folder, seen, remedy)
 
 

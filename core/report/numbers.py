@@ -336,6 +336,10 @@ def depth_table(d: DepthCalibration) -> Table:
         ("calibrated pixels", "", f"{d.valid_pixels} of {pixels}"),
         ("residuals in depth, r.m.s.", "mm", fixed(d.residual_rms_mm, 4)),
     )
+    if d.covariance is not None:
+        sigma = fixed(float(d.covariance[0, 0]) ** 0.5, 3)
+        c = f"{d.camera.c_mm:.{len(sigma.partition('.')[2])}f}"
+        rows += (("c of the camera", "mm", f"{c} ± {sigma}, nominal {d.camera_spec.nominal_c_mm:g}"),)
     return Table("Depth per pixel, from the positions of the plate", ("quantity", "unit", "value"), rows)
 
 

@@ -44,6 +44,7 @@ TARGETS_TO_START = 20
 ROUGH, FULL = (1, 40), (3, 400)
 TO_OPENCV = np.diag([1.0, -1.0, -1.0])  # X right, Y down, looking along +Z
 ASSUMED_DISTANCE = 50.0  # focal lengths, where nothing tells the distance: 0.6 m with a 12 mm lens
+AS_MARKED = 0.05  # lenses have the focal lengths that are marked on them, to within this part
 POORLY_KNOWN = 0.7  # share of the prior sigma above which the observations have hardly spoken
 LEAST_REPEATS = 20
 LEAST_SIGMA_PX = 1e-4
@@ -305,6 +306,7 @@ def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution, kn
     warnings = []
     if not known.measured:
         warnings.append(ALONE)
+        warnings += _other_than_nominal(spec, interior, pose, float(best.covariance[0, 0]) ** 0.5)
     prior = _prior_sigmas(spec)
     poor = np.sqrt(np.diag(best.covariance)[: len(prior)]) > POORLY_KNOWN * prior
     if poor.any() and not known.measured:
@@ -313,3 +315,17 @@ def _result(spec: DeviceSpec, planes: Sequence[TargetPlane], best: _Solution, kn
     if len(planes) == 1:
         warnings.append("targets at one plate position only: the axis is taken as perpendicular to the plate")
     return PlateCamera(interior, pose, axis, tuple(warnings), best.covariance, _rms_px(best))
+
+
+def _other_than_nominal(spec: DeviceSpec, interior: Interior, pose: Pose, sigma_mm: float) -> list[str]:
+    """Warn of a principal distance that is not what the lens has when it is focused on the plate."""
+    c, nominal_c = interior.c_mm, spec.nominal_c_mm
+    focused = nominal_c / (1 - min(nominal_c / float(np.linalg.norm(pose.translation_mm)), 0.5))
+    least, most = min(nominal_c, focused), max(nominal_c, focused)
+    off = max(c - most, least - c)
+    if off < max(AS_MARKED * nominal_c, 3.3 * sigma_mm):
+        return []
+    return [
+        f"c of the camera is {c:.4g} mm by the plate, nominal_c_mm {nominal_c:.4g} mm: if this is right, x_mm and y_mm "
+        "of the plate's targets, or z_mm of its positions, are off by as much"
+    ]

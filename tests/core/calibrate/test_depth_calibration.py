@@ -151,6 +151,16 @@ def test_a_plate_that_makes_another_camera_of_it_is_told(travel: float, size: fl
     assert all(c.text.startswith("front: c is ") and re.search(told, c.text) for c in found), found
 
 
+@pytest.mark.parametrize(("size", "told"), [(1.0, False), (1.1, True), (0.9, True)])
+def test_a_plate_a_tenth_too_large_is_told_by_the_lens(size: float, told: bool) -> None:
+    """The lens is marked 12 mm and has 12.3 at 600 mm; a board a tenth too large by its file makes c as much less."""
+    field = replace(_field(), xyz_mm=size * _field().xyz_mm)
+    calibration = calibrate_depth(SPEC, field, _planes(noise=True))
+    found = [w for w in calibration.warnings if w.startswith("c of the camera is ")]
+    assert len(found) == told
+    assert all(float(w.split()[5]) == pytest.approx(12.3 / size, rel=0.02) for w in found)
+
+
 def test_plates_that_stand_beside_their_positions_ask_for_no_higher_degree() -> None:
     bent, rng = [], np.random.default_rng(5)
     for _ in range(12):
