@@ -64,7 +64,7 @@ def lacking_term(adjustment: Adjustment, name: str, device: AdjustedDevice) -> T
     )
     count, k = int(np.count_nonzero(np.isfinite(adjustment.residuals[own]))), len(free)
     redundancy = count - POSE * len(stations) - 3 * len(points) - k
-    if redundancy < FEWEST or len(points) > MOST:
+    if not k or redundancy < FEWEST or len(points) > MOST:
         return None
     normal, images = _equations(
         adjustment, device, free, [own[adjustment.network.observation_station[own] == s] for s in stations], points
@@ -85,7 +85,8 @@ def lacking_term(adjustment: Adjustment, name: str, device: AdjustedDevice) -> T
         np.linalg.norm(amount * (x[..., k + column] - x[..., :k] @ by_parameters), axis=-1)
         for x in (images, _raster(device, free))
     ]
-    sigmas = rest[column, -1] / np.sqrt(rest[column, column] * rest[-1, -1] / redundancy)
+    # residuals of computed images are rounding alone
+    sigmas = rest[column, -1] / np.sqrt(max(float(rest[column, column] * rest[-1, -1]) / redundancy, TINY))
     return Term(float(sigmas), *(float(np.nanmax(each)) for each in moved))
 
 

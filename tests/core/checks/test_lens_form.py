@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from core.calibrate import calibrate_photogrammetric
-from core.checks.lens import lens_concerns
+from core.checks.lens import lacking_term, lens_concerns
 from core.geometry import ray_directions
 from core.model import Adjustment
 from tests.core.checks.rigs import RIGS, Project, simulate
@@ -50,3 +51,14 @@ def test_a_radial_term_that_the_model_lacks_is_told_with_what_it_changes(name: s
 def test_lenses_of_the_models_form_are_not_accused(seed: int) -> None:
     p = simulate(("paper", "modern")[seed % 2], 60 + seed, vary=True, honest=1.3)
     assert lens_concerns(adjusted(p)) == []
+
+
+def test_images_without_noise_and_devices_that_were_held_tell_nothing() -> None:
+    adjustment = adjusted(simulate("paper", 41))
+    camera = adjustment.devices["camera"]
+    exact = replace(adjustment, residuals=np.zeros_like(adjustment.residuals))
+    assert lens_concerns(exact) == []
+    assert lacking_term(adjustment, "camera", replace(camera, sigma=np.zeros_like(camera.sigma))) is None
+    lost = adjustment.residuals.copy()
+    lost[::5] = lost[::3, 1] = np.nan
+    assert lens_concerns(replace(adjustment, residuals=lost)) == []
