@@ -16,8 +16,8 @@ SIGNIFICANT = 5.0  # sigmas of the term: of 600 adjusted devices of right form 3
 MATTERS = 0.1  # px or lines, by which it changes some place of the image
 POWERS = 6, 8, 10  # of the radius: the first that the model has not
 CONTAINED = 1e-8  # square of such a term, beside what the model's own parameters make of it
-FEWEST, MOST = 50, 800  # redundancy that tells a term; points that are worth it
-POSE = 6  # parameters
+FEWEST, MOST = 50, 800  # redundancy that tells a term; points, and stations, that are worth it
+POSE, POSED = 6, 4  # parameters; points that tell them
 RASTER = 24  # places along each side of the image
 TINY = 1e-300
 RIDGE = 1e-12  # of the mean diagonal: for movements of all points, which poses make, too
@@ -57,18 +57,18 @@ def lacking_term(adjustment: Adjustment, name: str, device: AdjustedDevice) -> T
 
     By the device's images alone, with poses and points free: what is left of the term then is free of all else.
     """
-    free = np.flatnonzero(device.sigma > 0)
-    own = np.flatnonzero(adjustment.network.made_by[name])
-    stations, points = (
-        distinct(of[own]) for of in (adjustment.network.observation_station, adjustment.network.observation_point)
-    )
-    count, k = int(np.count_nonzero(np.isfinite(adjustment.residuals[own]))), len(free)
-    redundancy = count - POSE * len(stations) - 3 * len(points) - k
-    if not k or redundancy < FEWEST or len(points) > MOST:
+    network, free = adjustment.network, np.flatnonzero(device.sigma > 0)
+    own, k = np.flatnonzero(network.made_by[name]), len(free)
+    of_station = network.observation_station[own]
+    stations = [own[of_station == s] for s in distinct(of_station) if np.count_nonzero(of_station == s) >= POSED]
+    if not k or not stations or len(stations) > MOST:
         return None
-    normal, images = _equations(
-        adjustment, device, free, [own[adjustment.network.observation_station[own] == s] for s in stations], points
-    )
+    used = np.concatenate(stations)
+    points, count = distinct(network.observation_point[used]), np.count_nonzero(np.isfinite(adjustment.residuals[used]))
+    redundancy = int(count) - POSE * len(stations) - 3 * len(points) - k
+    if redundancy < FEWEST or len(points) > MOST:
+        return None
+    normal, images = _equations(adjustment, device, free, stations, points)
     size = 3 * len(points)
     normal[:size, :size].flat[:: size + 1] += RIDGE * np.trace(normal[:size, :size]) / size
     left = normal[size:, size:] - normal[size:, :size] @ np.linalg.solve(normal[:size, :size], normal[:size, size:])
@@ -87,7 +87,7 @@ def lacking_term(adjustment: Adjustment, name: str, device: AdjustedDevice) -> T
     ]
     # residuals of computed images are rounding alone
     sigmas = rest[column, -1] / np.sqrt(max(float(rest[column, column] * rest[-1, -1]) / redundancy, TINY))
-    return Term(float(sigmas), *(float(np.nanmax(each)) for each in moved))
+    return Term(float(sigmas), *(float(np.fmax.reduce(each, axis=None)) for each in moved))
 
 
 def _equations(

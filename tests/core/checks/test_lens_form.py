@@ -62,3 +62,14 @@ def test_images_without_noise_and_devices_that_were_held_tell_nothing() -> None:
     lost = adjustment.residuals.copy()
     lost[::5] = lost[::3, 1] = np.nan
     assert lens_concerns(replace(adjustment, residuals=lost)) == []
+    few = adjustment.network.observation_station != 0
+    few[np.flatnonzero(~few)[:2]] = True  # a station of two points
+    network = replace(
+        adjustment.network,
+        **{
+            key: getattr(adjustment.network, key)[few]
+            for key in vars(adjustment.network)
+            if key.startswith("observation_")
+        },
+    )
+    assert lens_concerns(replace(adjustment, network=network, residuals=adjustment.residuals[few])) == []
