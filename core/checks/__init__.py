@@ -28,14 +28,15 @@ from core.checks.network import adjustment_concerns, nominal_concerns, sound_wor
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
-from core.checks.volume import bend_of_plane, depthless_concerns, fields_at
+from core.checks.volume import bend_of_plane, depthless_concerns, fields_at, independent_errors
 from core.checks.weights import uneven_axes
 
 __all__ = [
     "Plates", "adjustment_concerns", "bar_notes", "bend_of_plane", "code_concerns", "depthless_concerns", "end_notes",
     "exchanged_notes", "fields_at", "flatness_concerns", "foreign_concerns", "form_of", "given_concerns",
-    "grey_concerns", "is_noise", "left_out_of", "length_concerns", "light_end", "misplaced_concerns",
-    "misplaced_on_plate", "nominal_concerns", "pair_concerns", "placed_concerns", "plane_concerns", "plane_words",
-    "pose_plates", "rejected_of", "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns",
-    "see_plates", "size_concerns", "sound_words", "travel_concerns", "uneven_axes",
+    "grey_concerns", "independent_errors", "is_noise", "left_out_of", "length_concerns", "light_end",
+    "misplaced_concerns", "misplaced_on_plate", "nominal_concerns", "pair_concerns", "placed_concerns",
+    "plane_concerns", "plane_words", "pose_plates", "rejected_of", "repeated_frames", "repeated_planes",
+    "repeated_targets", "response_concerns", "see_plates", "size_concerns", "sound_words", "travel_concerns",
+    "uneven_axes",
 ]  # fmt: skip

@@ -109,10 +109,20 @@ def volume_of(pair: Pair, depths_mm: Array) -> Volume:
 
 def point_fields(pair: Pair, volume: Volume) -> Array:
     """Move the points that a calibration gives by its independent errors of one sigma each, shape (k, n, 3), mm."""
-    sigma = np.ones(volume.lines.shape)
-    start = intersect_targets(pair, volume.uv, volume.lines, sigma)[0]
-    known = volume.uv, volume.lines, sigma, start
-    moved = [intersect_targets(perturbed(pair, e), *known)[0] for e in _errors(pair.covariance)]
+    return _fields(pair, volume.uv, volume.lines)
+
+
+def fields_at(pair: Pair, uv: Array, xyz_mm: Array) -> Array:
+    """Move points (n, 3) of camera pixels (n, 2) by independent errors of a calibration, one sigma each: (k, n, 3)."""
+    return _fields(pair, uv, project(pair.projector.spec, pair.projector.interior, xyz_mm, pair.projector_from_camera))
+
+
+def _fields(pair: Pair, uv: Array, lines: Array) -> Array:
+    sigma = np.ones(lines.shape)
+    start = intersect_targets(pair, uv, lines, sigma)[0]
+    moved = [
+        intersect_targets(perturbed(pair, e), uv, lines, sigma, start)[0] for e in independent_errors(pair.covariance)
+    ]
     return np.reshape(moved, (-1, *start.shape)) - start
 
 
@@ -124,7 +134,8 @@ def image_fields(device: AdjustedDevice, covariance: Array, xyz_mm: Array) -> Ar
     vector, r0, model = device.interior.vector, device.interior.r0_mm, device.interior.model
     start = project(device.spec, device.interior, xyz_mm)
     moved = [
-        project(device.spec, Interior.from_vector(vector + e, r0, model), xyz_mm) - start for e in _errors(covariance)
+        project(device.spec, Interior.from_vector(vector + e, r0, model), xyz_mm) - start
+        for e in independent_errors(covariance)
     ]
     size = 1e-4 * float(np.abs(xyz_mm[:, 2]).mean())
     stepped = [project(device.spec, device.interior, xyz_mm + size * m) - start for m in _movements(xyz_mm)]
@@ -140,12 +151,6 @@ def bend_of_plane(fields: Array, xyz_mm: Array, normal: Array) -> float:
     moved = fields @ normal
     rest = moved - moved @ np.linalg.pinv(A, rcond=1e-9).T @ A.T
     return float(np.sqrt(np.mean(np.sum(rest**2, axis=0)))) if len(fields) else 0.0
-
-
-def fields_at(pair: Pair, uv: Array, xyz_mm: Array) -> Array:
-    """Move points (n, 3) of camera pixels (n, 2) by independent errors of a calibration, one sigma each: (k, n, 3)."""
-    lines = project(pair.projector.spec, pair.projector.interior, xyz_mm, pair.projector_from_camera)
-    return point_fields(pair, Volume(uv, lines, xyz_mm, np.zeros((0, 3)), (0, 0, 0)))
 
 
 def form_of_fields(fields: Array, xyz_mm: Array) -> Array:
@@ -200,7 +205,7 @@ def difference(first: Pair, second: Pair, depths_mm: Array) -> Difference:
     return Difference(volume, shift, form[0], sigmas_of(fields), sigmas_of(form[1:]), statistic, dof, limit)
 
 
-def _errors(covariance: Array) -> Iterator[Array]:
+def independent_errors(covariance: Array) -> Iterator[Array]:
     """Give the independent errors of one sigma each, shape (k,), of a covariance."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     unit = np.where(scale > 0, scale, 1.0)

@@ -200,17 +200,16 @@ def _of_pair(
         if covers(name, calibration, phase, project):
             by = name if alone else f"{phase.camera} and {phase.projector}"
             try:
-                with because_of({capture.name: (*capture.notes, *phase.notes)} if alone else {}):
-                    try:
-                        rows.append(_by_itself(capture, phase, name, calibration, progress))
-                    except NoCoordinateError as error:
-                        remedy = f"{error.remedy}, or take it out of project.json"
-                        raise NoCoordinateError(capture.path, error.seen, remedy) from None
-            except (NoCoordinateError, TooFewPointsError) as lack:
+                rows.append(_by_itself(capture, phase, name, calibration, progress))
+            except TooFewPointsError as lack:
                 lacking[by] = lack
+            except NoCoordinateError as lack:
+                remedy = f"{lack.remedy}, or take it out of project.json"
+                lacking[by] = NoCoordinateError(capture.path, lack.seen, remedy)
     dark = [lack for lack in lacking.values() if isinstance(lack, NoCoordinateError)]
     if alone and not rows and dark:  # the capture shows nothing, or the wrong patterns
-        raise dark[0]
+        with because_of({capture.name: (*capture.notes, *phase.notes)}):
+            raise dark[0]
     return rows, lacking
 
 

@@ -218,7 +218,7 @@ def bend_rms(e: PlaneEvaluation, cloud: PointCloud, calibration: Calibration) ->
 
     Of points by several devices, what it adds to their depths, though much of that moves the plane as a whole.
     """
-    from core.checks import bend_of_plane, fields_at
+    from core.checks import bend_of_plane, fields_at, independent_errors
     from core.evaluate import points_on_plane
     from core.reconstruct.lookup import moved_points
 
@@ -229,7 +229,8 @@ def bend_rms(e: PlaneEvaluation, cloud: PointCloud, calibration: Calibration) ->
     uv = np.stack([column, row], axis=1)[:: max(1, len(row) // BENT_BY)].astype(float)
     if isinstance(calibration, DepthCalibration):
         xyz = points_on_plane(e.plane, calibration.camera_spec, e.camera, uv)
-        return bend_of_plane(moved_points(calibration, uv, xyz), xyz, e.plane[:3])
+        errors = () if calibration.covariance is None else independent_errors(calibration.covariance)
+        return bend_of_plane(moved_points(calibration, uv, xyz, errors), xyz, e.plane[:3])
     assert isinstance(calibration, PhotogrammetricCalibration)
     pair = pair_of(calibration, *e.devices)
     xyz = points_on_plane(e.plane, pair.camera.spec, e.camera, uv)

@@ -11,6 +11,7 @@ the curves moves z itself, along the ray as the noise of the capture does.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import cv2
@@ -206,14 +207,11 @@ def _coefficients(calibration: DepthCalibration, height: int, width: int) -> Flo
     )
 
 
-def moved_points(calibration: DepthCalibration, uv: Array, xyz: Array) -> Array:
-    """Move points (n, 3) of pixels (n, 2) by independent errors of the orientation, one sigma each: (k, n, 3)."""
-    if calibration.covariance is None:
-        return np.zeros((0, *xyz.shape))
+def moved_points(calibration: DepthCalibration, uv: Array, xyz: Array, errors: Iterable[Array]) -> Array:
+    """Move points (n, 3) of pixels (n, 2) by errors (k, p) of the parameters with a covariance, shape (k, n, 3)."""
     z = _plate_z(calibration, np.asarray(xyz, np.float32)).astype(np.float64)
-    values, vectors = np.linalg.eigh(calibration.covariance)
-    errors = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    return np.stack([(_points(calibration, uv, z, e) - _points(calibration, uv, z, -e)) / 2 for e in errors])
+    moved = [(_points(calibration, uv, z, e) - _points(calibration, uv, z, -e)) / 2 for e in errors]
+    return np.reshape(moved, (-1, *xyz.shape))
 
 
 def _points(calibration: DepthCalibration, uv: Array, z: Array, change: Array) -> Array:
