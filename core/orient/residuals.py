@@ -20,6 +20,7 @@ from core.model import AdjustedDevice, Array, Floats, Pair, PhaseMap
 from core.numerics import inverse_2x2, median_of, quantile_of
 
 LEAST_SIGMA = 1e-3  # lines; what a sigma is at least
+WHOLE, ASIDE = 0.9, 0.02  # of a block's pixels, which have coordinates; of its side, by which their middle is off it
 LEAST_BLOCK = 2  # pixels a side: the changes within a block tell where its reflectance changes
 SMOOTH_PX = 1.5  # of brightness, where it changes slowly
 FLATTEST = 0.2, 0.84  # share of the blocks by which grey noise is told, and how far below the mean of a normal it lies
@@ -84,8 +85,8 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     Also given are the blocks' side, px, and in blocks that of squares of which so many `tiles` hold the pixels.
 
     The epipolar condition is nearly linear over a block (see `of_middles`), so that means keep it, with less noise.
-    Blocks that lack a pixel or hold more than one smooth surface are left out: an edge, a wrong word. So are those seen
-    at a grazing angle, as towards the outline of a ball.
+    Blocks that lack more than single pixels, or hold more than one smooth surface, are left out: an edge, a wrong word.
+    So are those seen at a grazing angle, as towards the outline of a ball.
     """
     whole = np.isfinite(phase.u) & np.isfinite(phase.v) & np.isfinite(phase.sigma_u) & np.isfinite(phase.sigma_v)
     count = int(np.count_nonzero(whole))
@@ -95,8 +96,11 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     def cut(image: NDArray) -> NDArray:
         return image[: h * side, : w * side].reshape(h, side, w, side).swapaxes(1, 2).reshape(h, w, side * side)
 
-    rows, columns = np.nonzero(cut(whole).all(axis=2))
     y, x = (np.mgrid[:side, :side] - (side - 1) / 2).reshape(2, -1).astype(np.float32)
+    known, share = cut(whole), cut(whole).mean(axis=2)
+    aside = np.hypot(known @ x, known @ y) / side**2
+    rows, columns = np.nonzero((share > WHOLE) & (aside < ASIDE * side))
+    known, share = known[rows, columns], share[rows, columns]
     square = max(float(x @ x), 1e-9)
     planes = np.stack([np.full_like(x, side**-2.0), x / square, y / square], axis=1)  # mean and slopes of a block
     shape = np.stack([np.ones_like(x), x, y])
@@ -104,14 +108,14 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     def blocks(image: Floats) -> Floats:
         return cut(image)[rows, columns]
 
-    def fitted(image: Floats) -> tuple[Array, Array]:
-        values = blocks(image)
+    def fitted(values: Floats) -> tuple[Array, Array]:
         beside = values - values[:, :1]
         rest = beside - (beside @ planes) @ shape
         return (values @ planes).astype(np.float64), np.einsum("nk,nk->n", rest, rest).astype(np.float64) / side**2
 
-    (u, off_u), (v, off_v), (grey, off_grey) = fitted(phase.u), fitted(phase.v), fitted(phase.image)
-    variance = np.stack([blocks(s**2) @ planes[:, 0] for s in (phase.sigma_u, phase.sigma_v)], axis=1)
+    (u, off_u), (v, off_v) = (fitted(_completed(blocks(image), known, shape)) for image in (phase.u, phase.v))
+    grey, off_grey = fitted(blocks(phase.image))
+    variance = np.stack([np.nanmean(blocks(s**2), axis=1) / share for s in (phase.sigma_u, phase.sigma_v)], axis=1)
     variance = variance.astype(np.float64)
     smooth = (np.stack([off_u, off_v], axis=1) < np.maximum(CREASED**2 * variance, STEPPED**2)).all(axis=1)
     slopes = np.stack([u[:, 1:], v[:, 1:]], axis=1)
@@ -128,6 +132,19 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     pull = np.nan_to_num(pull, posinf=0, neginf=0)
     sight = Sight(np.stack([rows, columns], axis=1), pixels, uv, np.sqrt(variance) / side, slopes, pull)
     return sight.only(np.asarray(smooth)), side, tile
+
+
+def _completed(values: Floats, known: NDArray[np.bool_], shape: Floats) -> Floats:
+    """Put pixels that blocks (n, k) lack where the plane through the others of their block has them."""
+    lacking = np.flatnonzero(~known.all(axis=1))
+    there = known[lacking].astype(np.float32)
+    own = np.where(known[lacking], values[lacking], 0)
+    middle = own.sum(axis=1, keepdims=True) / there.sum(axis=1, keepdims=True)
+    N = np.einsum("nk,ik,jk->nij", there, shape, shape)
+    plane = np.linalg.solve(N, np.einsum("nk,ik->ni", there * (own - middle), shape)[..., None])[..., 0]
+    completed = values.copy()
+    completed[lacking] = np.where(known[lacking], own, middle + plane @ shape)
+    return completed
 
 
 def _slopes(sharp: Array, smooth: Array, off: Array, side: int, square: float) -> Array:

@@ -137,7 +137,7 @@ def _judge(
                 if len(intersectable(together, calibration)) > 1:
                     clouds = joint_clouds(together, calibration, progress=progress.quiet())
                     by = TOGETHER if calibration.projectors else CAMERAS
-                    said = () if calibration.projectors else said_of(capture, together, calibration)
+                    said = said_of(capture, together, calibration, "cameras")  # each pair by itself has told
                     for camera, cloud in clouds.items():
                         whole = united([p for p in together if p.camera == camera])
                         found.append(_judged(capture, whole, name, calibration, cloud, said, by))

@@ -164,26 +164,28 @@ def said_of(
 ) -> tuple[str, ...]:
     """What a capture and its phase maps say of themselves, and whether its devices stood as they were calibrated.
 
-    Cameras are held against each other where the projector only labels places: where it is not calibrated, or its
-    `rays` are not taken. A corrected pair stands as it should.
+    Cameras are held against each other, too, unless a pair with a projector has told already: what moved between their
+    images each of them sees as it should be. A corrected pair stands as it should. Of `rays` from cameras alone, the
+    projector only labels places.
     """
     several = len({phase.camera for phase in phases}) > 1
     of_frames = [(f"{phase.camera}: " if several else "", note) for phase in phases for note in phase.notes]
     said: list[str] = [*capture.notes, *(Note(f"{by}{note}", named_by(note)) for by, note in of_frames)]
     if not isinstance(calibration, PhotogrammetricCalibration):
         return tuple(dict.fromkeys(said))
-    if calibration.projectors and rays == "all":
+    moved: list[str] = []
+    if rays == "all":
         for phase in phases:
             if knows(calibration, phase.camera, phase.projector):
-                said += _moved(phase, calibration, capture.name)
-    else:
+                moved += _moved(phase, calibration, capture.name)
+    if not moved:
         from core.reconstruct import seen_by_other
 
         for own, other in combinations(phases, 2):
             if own.projector == other.projector and {own.camera, other.camera} <= set(calibration.devices):
                 pair = pair_of(calibration, own.camera, other.camera)
-                said += _moved(seen_by_other(own, other), pair, capture.name)
-    return tuple(dict.fromkeys(said))
+                moved += _moved(seen_by_other(own, other), pair, capture.name)
+    return tuple(dict.fromkeys([*said, *moved]))
 
 
 def _moved(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair, capture: str) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from core.project import load_archive, save_archive
 from core.project.archive import read_head
 from core.project.contents import hash_value
 
-VERSION = 7  # raise it where the same capture and calibration give other figures: what is kept is then found again
+VERSION = 8  # raise it where the same capture and calibration give other figures: what is kept is then found again
 
 
 class Look:

@@ -237,7 +237,7 @@ def intersect_all(
         run_in_bands(band, len(q))
 
     solve(scene, sight != Sight.NONE)
-    _tell_disagreeing(sight, rss, count)
+    noise *= _tell_disagreeing(sight, rss, count)
     disagree, of_all, missed = sight == Sight.DISAGREE, q.copy(), rss / np.maximum(count - 1, 1)
     by_itself, told = replace(scene, views=[v for v in views if v.camera == camera]), sight.copy()
     if rays == "all":
@@ -358,14 +358,19 @@ def in_one_frame(parts: Iterable[tuple[Device, PointCloud, NDArray, Floats]]) ->
     return PointCloud(xyz, sigma, depth, sight, made), image
 
 
-def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> None:
-    """Mark joint points whose rays miss one another by more than chance and the image's usual misfit allow."""
-    joint = sight == Sight.JOINT
-    for n in np.unique(count[joint]):
+def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> Array:
+    """Mark joint points whose rays miss one another by more than chance and the image's usual misfit allow.
+
+    Give that misfit (H, W) over what noise makes of it, squared, at least 1: how all devices stand is no point's fault,
+    but each point is off by that.
+    """
+    joint, misfit = sight == Sight.JOINT, np.ones(sight.shape)
+    for n in np.unique(count[joint & (count > 1)]):
         alike = joint & (count == n)
-        if n > 1:
-            usual = max(1.0, float(np.median(rss[alike])) / (n - 1))
-            sight[alike & (rss > usual * chi_square_limit(int(n) - 1, BEYOND))] = Sight.DISAGREE
+        usual = max(1.0, float(np.median(rss[alike])) / chi_square_limit(int(n) - 1, 0.5))
+        misfit[alike] = usual
+        sight[alike & (rss > usual * chi_square_limit(int(n) - 1, BEYOND))] = Sight.DISAGREE
+    return misfit
 
 
 def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which: NDArray, q: Array) -> Array:

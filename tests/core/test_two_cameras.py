@@ -382,6 +382,16 @@ def test_points_of_cameras_alone_are_not_doubted_for_the_projector(project: Proj
     )
 
 
+def test_what_moved_between_the_cameras_images_is_told_though_each_of_them_fits_the_projector(project: Project) -> None:
+    """Left took the plane before it was turned, right after it: the points, of both, were in no doubt."""
+    found = load_calibrations(project)["photogrammetric"]
+    captures = [read_capture(project.path / "captures" / f"plane+{angle}", project) for angle in ("00", "15")]
+    (left, _), (_, right) = ([phase for _, phase in phase_maps(project, [each])] for each in captures)
+    for rays in ("all", "cameras"):
+        (told,) = said_of(captures[0], [left, right], found, rays)
+        assert told.startswith("left and right do not see it as they were calibrated")
+
+
 def test_rays_that_contradict_one_another_are_refused(project: Project, tmp_path: Path) -> None:
     words = ["reconstruct", str(project.path), "plane+15", "--out", str(tmp_path / "a.npz"), "--rays", "all"]
     assert main([*words, "--orient"]) == 2

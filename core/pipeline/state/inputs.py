@@ -32,7 +32,7 @@ from core.project.contents import Contents, Look, contents_of, hash_value
 Record = dict[str, Any]
 
 # raise a number with every change after which the same frames give other figures; results of before are then outdated
-METHOD_VERSIONS = {"decode": 115, "measure": 44, "calibrate": 38, "reconstruct": 12, "evaluate": 19, "report": 1}
+METHOD_VERSIONS = {"decode": 115, "measure": 44, "calibrate": 38, "reconstruct": 13, "evaluate": 20, "report": 1}
 
 _NOT_THE_RIG = ("path", "name", "rig", "captures", "reference", "sequence", "notes")  # fields of a project
 _NOT_IN_FRAMES = (
@@ -200,10 +200,10 @@ _boards: dict[int, tuple[Testfield, str]] = {}  # by identity: many captures sha
 
 
 def board_hash(board: Testfield) -> str:
-    """Hash the targets of a board: a comment in its table changes none."""
+    """Hash the targets of a board: a comment in its table changes none, nor does the table's name."""
     known = _boards.get(id(board))
     if known is None or known[0] is not board:
-        named = {field.name: getattr(board, field.name) for field in fields(board)}
+        named = {field.name: getattr(board, field.name) for field in fields(board) if field.name != "file"}
         values = [v for name, v in named.items() if name not in _SAID_LATER or v != _SAID_LATER[name]]
         sign = hash_value([v.tolist() if isinstance(v, np.ndarray) else _plain(v) for v in values])
         known = _boards[id(board)] = board, sign

@@ -160,6 +160,20 @@ def test_means_over_blocks_keep_the_epipolar_lines_of_their_middles() -> None:
     assert np.std(middles) < 0.05 * SIGMA / 7
 
 
+def test_single_pixels_that_lack_coordinates_cost_no_blocks() -> None:
+    """Between two cameras one pixel of twenty lacks them, and hardly a block of 12 x 12 was whole: nothing was told."""
+    whole = captured(TRUE, np.random.default_rng(13), 1e-3)
+    lacking = np.random.default_rng(5).random(whole.u.shape) < 0.05
+    holed = replace(whole, u=np.where(lacking, np.nan, whole.u).astype(np.float32))
+    seen = [blocks_of(phase, 400, 250) for phase in (whole, holed)]
+    assert [side for _, side, _ in seen] == [7, 7]
+    kept = [len(sight.at) for sight, *_ in seen]
+    assert kept[1] > 0.8 * kept[0]
+    sight = of_middles(seen[1][0], 7, TRUE)
+    # on a curved surface the plane through the others misses a pixel by a little of a block's noise
+    assert np.std(epipolar_residuals(sight, TRUE).e * 1e-3) < 0.15 * SIGMA / 7
+
+
 def test_points_and_depths_change_with_the_parameters_as_said() -> None:
     sight = blocks_of(captured(TRUE, np.random.default_rng(13), 1e-3), 400, 250)[0]
     found = epipolar_residuals(sight, TRUE)

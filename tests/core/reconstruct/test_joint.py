@@ -124,6 +124,21 @@ def depth_errors(cloud, camera: Place, surfaces: list[Surface]) -> np.ndarray:
     return -cloud.xyz_mm[..., 2] - truth(camera, surfaces)
 
 
+def test_sigmas_hold_what_moved_between_the_cameras_images() -> None:
+    """All rays miss one another alike, which was the image's usual misfit and in no sigma: they were 128 off."""
+
+    def behind(origin: np.ndarray, d: np.ndarray) -> np.ndarray:
+        n = np.array([0.15, -0.1, 1.0])
+        return (n[2] * -5.0 - origin @ n) / (d @ n)
+
+    phases = [captures([plane])[0], captures([behind])[1]]
+    cloud = intersect_all(phases, calibration(), "left")
+    joint = cloud.sight == Sight.JOINT
+    assert joint.mean() > 0.8
+    off = [depth_errors(cloud, LEFT, [surface])[joint] / cloud.sigma_depth_mm[joint] for surface in (plane, behind)]
+    assert max(float(np.sqrt(np.mean(each**2))) for each in off) < 3  # three observations too many share it
+
+
 def test_two_cameras_are_better_than_one_and_say_by_how_much() -> None:
     """Bounds: two thirds of a pixel's noise are left between pixels, so that 1/sqrt(1 + 1/0.44) = 0.55 is to be had."""
     both, found = captures([plane]), calibration()
