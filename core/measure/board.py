@@ -50,7 +50,7 @@ def board_from_testfield(field: Testfield) -> Board:
 
 
 def _checked(field: Testfield) -> Board:
-    where = "testfield.csv"
+    where = field.file
     # a copy, as fields may be read-only: compiled loops then see arrays of one kind
     xyz, diameter = np.array(field.xyz_mm, np.float64, order="C"), np.asarray(field.diameter_mm, np.float64)
     n = len(field.row)

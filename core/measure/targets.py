@@ -89,7 +89,7 @@ def measure_targets(
     >>> len(targets.row), np.round(targets.camera_uv[7], 1)
     (30, array([40., 80.]))
     """
-    kind = kind_of(testfield, capture or "testfield.csv")
+    kind = kind_of(testfield)
     board = board_from_testfield(testfield)
     image = balanced(_checked(phase.image, camera, capture or "image"))
     where = f"{capture}/picks.json" if capture else "picks.json"

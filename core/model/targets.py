@@ -36,6 +36,7 @@ class Testfield:
     polarity: Literal["white-on-black", "black-on-white"] = "white-on-black"
     kind: str = "dots"  # one of core.measure.TARGET_KINDS
     estimator: str = "centroid"  # of a dot's centre, one of core.measure.ESTIMATORS
+    file: str = "testfield.csv"  # as messages call it
 
     @property
     def keys(self) -> list[tuple[int, int]]:

@@ -95,7 +95,7 @@ def look_at_boards(project: Project, captures: Sequence[Capture]) -> Look:
     ways: dict[tuple[str, str, str], Sequence[Labelling]] = {}
     for c in series:
         kept = found.get(key(c))
-        may_be = labellings(c.testfield, str(c.path)) if c.testfield is not None else ()
+        may_be = labellings(c.testfield) if c.testfield is not None else ()
         ways[key(c)] = (SAME,) if kept is not None and kept.told else may_be
 
     def each(capture: Capture, phase: PhaseMap) -> tuple[TargetSet, Sequence[Labelling], NotRecognisedError | None]:

@@ -45,7 +45,7 @@ def look_for_picks(
     from core.measure import kind_of
 
     assert capture.testfield is not None
-    return kind_of(capture.testfield, str(capture.path)).guess(image, capture.testfield, camera, known, side)
+    return kind_of(capture.testfield).guess(image, capture.testfield, camera, known, side)
 
 
 def guess_picks(

@@ -268,6 +268,7 @@ def _read_testfield(path: Path) -> Testfield:
         polarity,  # type: ignore[arg-type]
         told.get("kind", Testfield.kind),
         told.get("estimator", Testfield.estimator),
+        path.name,
     )
 
 

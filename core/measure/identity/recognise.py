@@ -46,7 +46,7 @@ def recognise(
     NotRecognisedError
         If the board cannot be recognised, or two such boards are seen.
     """
-    kind = kind_of(testfield, capture or "testfield.csv")
+    kind = kind_of(testfield)
     facing = "back" if side == "back" else "front"
     how: dict[str, Any] = {"projector": projector, "capture": capture, "excluded": excluded, "side": side}
 
@@ -149,9 +149,9 @@ def _mirrored(phase: PhaseMap) -> PhaseMap:
     return PhaseMap(u, v, sigma_u, sigma_v, modulation, image, np.ascontiguousarray(phase.flags[:, ::-1]))
 
 
-def labellings(testfield: Testfield, where: str = "testfield.csv") -> tuple[Labelling, ...]:
+def labellings(testfield: Testfield) -> tuple[Labelling, ...]:
     """Give the labellings by which a picked board may look the same, its own first."""
-    return (SAME,) if kind_of(testfield, where).coded else (SAME, *symmetries(testfield))
+    return (SAME,) if kind_of(testfield).coded else (SAME, *symmetries(testfield))
 
 
 def unmeasured(testfield: Testfield, capture: str, why: str) -> TargetSet:

@@ -21,7 +21,7 @@ TARGET_KINDS: dict[str, TargetKind] = {
 }
 
 
-def kind_of(testfield: Testfield, where: str = "testfield.csv") -> TargetKind:
+def kind_of(testfield: Testfield) -> TargetKind:
     """Look up the kind of a board's targets.
 
     Raises
@@ -32,7 +32,7 @@ def kind_of(testfield: Testfield, where: str = "testfield.csv") -> TargetKind:
     for key, said, known in (("kind", testfield.kind, TARGET_KINDS), ("estimator", testfield.estimator, ESTIMATORS)):
         if said not in known:
             seen = f"the testfield's {key} of targets is {said!r}"
-            raise InputError(where, seen, f'write "# {key}:" with one of {", ".join(known)}')
+            raise InputError(testfield.file, seen, f'write "# {key}:" with one of {", ".join(known)}')
     return TARGET_KINDS[testfield.kind]
 
 

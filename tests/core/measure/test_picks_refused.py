@@ -9,6 +9,7 @@ from core.errors import Cancelled, InputError
 from core.measure import measure_targets
 from core.model import Seed, Testfield
 from core.progress import Progress
+from core.project import read_testfield, write_testfield
 
 CELLS = [(1, 1), (1, 7), (5, 7), (5, 1)]
 
@@ -220,6 +221,15 @@ def test_testfields_that_cannot_be(truth, phase, changes, words):
     message = refusal(truth, phase, truth.seeds(CELLS), field=changed(truth.field, **changes))
     assert message.startswith("testfield.csv: ")
     assert words in message
+
+
+def test_a_board_is_called_by_the_file_it_comes_from(truth, phase, bench, tmp_path):
+    """A plate's file of three targets was refused as testfield.csv."""
+    write_testfield(tmp_path / "plate.csv", bench.grid(1, 3))
+    few = read_testfield(tmp_path / "plate.csv")
+    assert refusal(truth, phase, truth.seeds(CELLS), field=few).startswith("plate.csv: 3 targets; ")
+    unknown = replace(few, kind="stars")
+    assert refusal(truth, phase, truth.seeds(CELLS), field=unknown).startswith("plate.csv: the testfield's kind")
 
 
 def test_a_row_of_targets_is_no_field(truth, phase, bench):
