@@ -16,6 +16,7 @@ from core.calibrate.approximate.initial import initial_state, misplaced, oriente
 from core.calibrate.approximate.stations import NoPoseError
 from core.calibrate.diagnosis.groups import without, wrong_group
 from core.calibrate.diagnosis.held import held_concerns
+from core.calibrate.diagnosis.rigid import rigidity_warnings
 from core.calibrate.diagnosis.snooping import (
     far_off,
     far_off_error,
@@ -97,7 +98,11 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
     AdjustmentError
         If it is disconnected, has no redundancy, does not converge or does not determine a parameter.
     """
-    solved, warnings = solve_network(network, options, progress)
+    solved, warnings = solve_network(network, options, progress.part(0.0, 0.8))
+    poses = solved.network.station_pose
+    if len(poses) - len(set(poses)) > 1:
+        remedy = 'leave "rigid_with" out, and mount the devices firmly'
+        warnings = [*warnings, *rigidity_warnings(solved, poses, remedy, progress.part(0.8, 1.0))]
     return result_of(solved, warnings)
 
 

@@ -11,7 +11,7 @@ from core.algebra import on_own_threads
 from core.calibrate.adjust import explained, solve_network
 from core.calibrate.diagnosis.held import freed
 from core.calibrate.diagnosis.parted import parted
-from core.calibrate.diagnosis.rigid import mean_relative_poses, rigidity_of
+from core.calibrate.diagnosis.rigid import mean_relative_poses, rigidity_warnings
 from core.calibrate.diagnosis.weakness import MirroredError
 from core.calibrate.network import network_from_targets
 from core.calibrate.selection import Warnings
@@ -114,7 +114,8 @@ def calibrate_photogrammetric(
     _check_tied(bases)
     if len(kept) - len(set(kept)) > 1:
         progress(0.8, "was the rig rigid?")
-        warnings += _rigidity(solved, kept, rigid, progress.part(0.8, 1.0))
+        remedy = "adjust with free stations, and mount the devices firmly" if rigid else ""
+        warnings += rigidity_warnings(solved, kept, remedy, progress.part(0.8, 1.0))
     solved = with_shared_errors(solved, targets)
     adjustment = result_of(solved, warnings)
     others = [name for name, base in bases.items() if base != name]
@@ -165,18 +166,6 @@ def _solved_or_parted(
     if max(solved.factors.values()) > DOUBTED**2 and (parts := told()):
         warnings = [*warnings, Concern("failed", f"{parts}: {CHANGED}", about="captures")]
     return solved, warnings
-
-
-def _rigidity(solved: Solved, kept: Sequence[int], rigid: bool, progress: Progress) -> Warnings:
-    """Warn of a rig that was not rigid, or of which that cannot be told."""
-    try:
-        test = rigidity_of(solved, kept, progress)
-    except (InputError, AdjustmentError) as error:  # the other assumption leaves too much open: no fault of this one
-        return [f"whether the rig was rigid cannot be tested: {error.where}: {error.seen}"]
-    if test.rigid:
-        return []
-    text = f"{test}; adjust with free stations, and mount the devices firmly" if rigid else str(test)
-    return [Concern("doubtful", text)]
 
 
 def _check_tied(bases: dict[str, str]) -> None:

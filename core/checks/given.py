@@ -22,6 +22,7 @@ MIRRORED, CHANCE = 0.6, 3.0  # of the deviations that a mirror image leaves, by 
 LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
 OUTSIDE = 0.02  # of the image: no target is measured farther from it
 NEAR = 0.1  # of c: at 10:1 a lens has its object at 0.1 c
+UNCHECKED, TINY = 0.05, 1e-300  # redundancy of a known coordinate that tells nothing; variance
 FEWEST = 4  # observations that two images have in common to the last digit
 
 
@@ -97,29 +98,53 @@ def _off(source: Array, target: Array) -> float:
 
 
 def _known(adjustment: Adjustment) -> list[Concern]:
-    """H0: each axis of the known points is off by at most `DOUBTFUL_RATIO` times its sigmas, and so is every point."""
-    network, concerns = adjustment.network, []
-    for axis, sigma in enumerate([] if network.point_sigma_mm is None else network.point_sigma_mm.T):
-        known, name = np.flatnonzero(np.isfinite(sigma)), "xyz"[axis]
-        if not len(known):
-            continue
-        off = (adjustment.points_mm - network.point_xyz_mm)[known, axis]
-        ratio = np.abs(off) / np.maximum(sigma[known], 1e-9)
-        worst, rms = int(np.argmax(ratio)), float(np.sqrt(np.mean(ratio**2)))
-        point = network.point_names[known[worst]]
-        if np.sum(ratio**2) > DOUBTFUL_RATIO**2 * chi_square_limit(len(known), LEVEL):
+    """H0: known coordinates are off by at most `DOUBTFUL_RATIO` times their sigmas: of an axis, of a point, and all.
+
+    Adjusted points follow what is known of them: what a coordinate is off counts by its redundancy, 1 less the share of
+    its variance that the adjustment leaves. Where four points of an object are known, seven of twelve make its datum.
+    """
+    network, sigma = adjustment.network, adjustment.network.point_sigma_mm
+    if sigma is None:
+        return []
+    weighed = np.isfinite(sigma) & (sigma > 0)
+    given = np.where(weighed, sigma, 1.0)
+    left = np.diagonal(adjustment.point_cov_mm2, axis1=1, axis2=2) / max(adjustment.sigma0**2, TINY)
+    redundancy = np.where(weighed, np.clip(1 - left / given**2, 0.0, 1.0), 0.0)
+    off = np.where(weighed, adjustment.points_mm - network.point_xyz_mm, 0.0)
+    ratio, concerns = np.abs(off) / given, []
+    normalised = np.where(redundancy > UNCHECKED, ratio / np.sqrt(np.maximum(redundancy, UNCHECKED)), 0.0)
+    for axis, name in enumerate("xyz"):
+        count = int(np.count_nonzero(weighed[:, axis]))
+        worst = int(np.argmax(normalised[:, axis]))
+        point, by = network.point_names[worst], off[worst, axis]
+        if _beyond(ratio[:, axis], redundancy[:, axis]):
+            rms = float(np.sqrt(np.sum(ratio[:, axis] ** 2) / count))
             text = (
-                f"points.csv: {name}_mm of {len(known)} points is off by {rms:.3g} times sigma_{name}_mm (chi-square "
-                f"test), of point {point} by {off[worst]:.3g} mm: correct these coordinates, or their sigmas"
+                f"points.csv: {name}_mm of {count} points is off by {rms:.3g} times sigma_{name}_mm (chi-square "
+                f"test), of point {point} by {by:.3g} mm: correct these coordinates, or their sigmas"
             )
             concerns.append(Concern("failed" if rms > FAILED_RATIO else "doubtful", text))
-        elif ratio[worst] > DOUBTFUL_RATIO * normal_limit(LEVEL / 2 / len(known)):
+        elif normalised[worst, axis] > DOUBTFUL_RATIO * normal_limit(LEVEL / 2 / max(count, 1)):
             text = (
-                f"points.csv: {name}_mm of point {point} is off by {off[worst]:.3g} mm, {ratio[worst]:.3g} times "
+                f"points.csv: {name}_mm of point {point} is off by {by:.3g} mm, {ratio[worst, axis]:.3g} times "
                 f"sigma_{name}_mm: correct this coordinate, or its sigma"
             )
             concerns.append(Concern("doubtful", text))
+    if not concerns and _beyond(ratio, redundancy):
+        worst, axis = np.unravel_index(np.argmax(normalised), normalised.shape)
+        text = (
+            f"points.csv: coordinates of {np.count_nonzero(weighed.any(axis=1))} points contradict one another "
+            f"(chi-square test), most {'xyz'[axis]}_mm of point {network.point_names[worst]}, off by "
+            f"{off[worst, axis]:.3g} mm: correct these coordinates, or their sigmas"
+        )
+        concerns.append(Concern("doubtful", text))
     return concerns
+
+
+def _beyond(ratio: Array, redundancy: Array) -> bool:
+    """Whether what coordinates are off, over their sigmas, is more than their redundancies allow."""
+    freedom = float(redundancy.sum())
+    return freedom > 1 and float(np.sum(ratio**2)) > DOUBTFUL_RATIO**2 * chi_square_limit(freedom, LEVEL)
 
 
 def _exchanged(adjustment: Adjustment) -> list[Concern]:

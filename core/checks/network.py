@@ -41,7 +41,7 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
     """
     known = [concern for name, device in adjustment.devices.items() for concern in _known_before(name, device)]
     # twice, and told once: causes first
-    known = [*(c for c in adjustment.doubts if c.about in ("held", "captures")), *known]
+    known = [*(c for c in adjustment.doubts if c.about in ("held", "captures", "rigid")), *known]
     squares = _chi_square(adjustment)
     normalised = adjustment.residuals / adjustment.network.observation_sigma
     if np.nanmean(normalised**2) > TAILS**2 * sigma_by_median(normalised) ** 2:  # gross errors are the cause: first
@@ -104,7 +104,7 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
             continue
         text = (
             f"{name}: residuals are {ratio:.3g} times what the sigmas of its observations allow (chi-square test, "
-            f"variance factor {factor:.3g}, critical {critical:.3g}): "
+            f"variance factor {factor:.3g}; up to {critical:.3g} is what sigmas known to a half explain): "
         )
         worst = _worst_station(adjustment, name)
         text += f"{worst}; " if worst else ""
@@ -219,7 +219,7 @@ def nominal_concerns(devices: Mapping[str, AdjustedDevice], cameras: Collection[
     for name, device in devices.items():
         of_focus = focal_concerns(name, device.spec, device.interior.c_mm, float(device.sigma[0]))
         concerns += [*of_focus, *_square(name, device)]
-        if name in cameras:  # projectors are often shifted on purpose
+        if name in cameras and not _foretold(device):  # projectors are often shifted on purpose
             concerns += _centre(name, device)
     return concerns
 
@@ -260,6 +260,12 @@ def _square(name: str, device: AdjustedDevice) -> list[Concern]:
     return [Concern("failed" if abs(a3) > AFFINITY_FAILED else "doubtful", text)]
 
 
+def _foretold(device: AdjustedDevice) -> bool:
+    """Whether the principal point is given before, with sigmas; `_known_before` holds what was adjusted against it."""
+    sigma = np.array(device.spec.interior_sigma or (np.inf,) * 3)[1:3]
+    return device.spec.interior is not None and bool(np.all(np.isfinite(sigma)))
+
+
 def _centre(name: str, device: AdjustedDevice) -> list[Concern]:
     if not np.all(device.sigma[1:3] > 0):
         return []
@@ -270,6 +276,7 @@ def _centre(name: str, device: AdjustedDevice) -> list[Concern]:
     x0, y0 = device.interior.vector[1:3]
     text = (
         f"{name}: the principal point is at ({x0:.3g}, {y0:.3g}) mm, far from the image's centre: were the images "
-        "cropped or mirrored, or is width or height in project.json wrong?"
+        "cropped or mirrored, or is width or height in project.json wrong? Of a region off the sensor's middle, give "
+        'x0_mm and y0_mm as "interior", with their sigmas'
     )
     return [Concern("doubtful", text)]

@@ -148,7 +148,9 @@ class Concern:
 
     state: Literal["doubtful", "failed"]
     text: str
-    about: str = ""  #: what alone it tells of: a plane's capture, "blunders", "held", or of lengths "board" or "plates"
+    about: str = (
+        ""  #: what alone it tells of: a plane's capture, "blunders", "held", "rigid"; of lengths "board", "plates"
+    )
 
 
 UNJUDGED = Verdict("doubtful", ("not judged: made by another version of the program",))

@@ -54,7 +54,8 @@ def judge_adjustment(adjustment: Adjustment) -> Adjustment:
         beyond = CALIBRATION_OPTIONS.reject_beyond if rejecting else None
         return adjust(network, options=AdjustOptions(reject_beyond=beyond))
 
-    concerns = [*given_concerns(adjustment, anew), *adjustment_concerns(adjustment), *nominal]
+    loose = (c for c in adjustment.doubts if c.about == "rigid")  # the cause of much that follows
+    concerns = [*loose, *given_concerns(adjustment, anew), *adjustment_concerns(adjustment), *nominal]
     return replace(adjustment, verdict=verdict_of(concerns, sound_words(adjustment)))
 
 

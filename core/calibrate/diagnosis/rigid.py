@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from core.calibrate.diagnosis.weakness import singular_error, unsolved_error
+from core.calibrate.selection import Warnings
 from core.calibrate.solution.covariance import pose_cofactors
 from core.calibrate.solution.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.solution.normals import SingularNormalsError
@@ -18,7 +19,7 @@ from core.errors import AdjustmentError, InputError
 from core.geometry import Pose, rotation_vector_from_matrix
 from core.geometry.pairs import relative_derivatives
 from core.lazy import dataclass
-from core.model import Array, Network
+from core.model import Array, Concern, Network
 from core.numerics import fisher_limit
 from core.progress import SILENT, Progress
 
@@ -54,6 +55,17 @@ class RigidityTest:
             f"moves the image points by {self.drift_sigmas:.2g} sigma r.m.s.; over {self.poses} poses the relative "
             f"orientation scatters by {self.shift_rms_mm:.3g} mm and {self.turn_rms_mrad:.3g} mrad r.m.s."
         )
+
+
+def rigidity_warnings(solved: Solved, groups: Sequence[int], remedy: str = "", progress: Progress = SILENT) -> Warnings:
+    """Warn of a rig that was not rigid, or of which that cannot be told; of a free one there is nothing to remedy."""
+    try:
+        test = rigidity_of(solved, groups, progress)
+    except (InputError, AdjustmentError) as error:  # the other assumption leaves too much open: no fault of this one
+        return [f"whether the rig was rigid cannot be tested: {error.where}: {error.seen}"]
+    if test.rigid:
+        return []
+    return [Concern("doubtful", f"{test}; {remedy}" if remedy else str(test), about="rigid")]
 
 
 def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILENT) -> RigidityTest:

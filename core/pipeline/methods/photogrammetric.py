@@ -148,11 +148,14 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
     adjustment, targets = evidence.beside[ADJUSTMENT], evidence.targets(name)
     assert isinstance(adjustment, Adjustment)
     rejected, lonely = checks.rejected_of(adjustment, targets)
+    lengths = [c for c in evidence.lengths if c.about != "plates"]  # which the adjustment does not use
+    if any(c.state == "failed" for c in lengths):  # a wrong unit bends more than the rig
+        adjustment = replace(adjustment, doubts=tuple(c for c in adjustment.doubts if c.about != "rigid"))
     concerns = [
         *checks.adjustment_concerns(adjustment, rejected),
         *checks.uneven_axes(adjustment),
         *checks.misplaced_concerns(common_testfield(evidence.used[name]), adjustment, targets),
-        *(c for c in evidence.lengths if c.about != "plates"),  # which the adjustment does not use
+        *lengths,
         *checks.nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]
     alone = checks.left_out_of([], lonely, why="seen from one place only")

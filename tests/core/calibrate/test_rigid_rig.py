@@ -25,6 +25,7 @@ from core.geometry import Pose, matrix_from_rotation_vector, project, rotation_v
 from core.measure import View, eccentricity, unmeasured
 from core.measure.centres.circles import tangents
 from core.model import Interior, Rig, ScaleBar, TargetSet, Testfield
+from core.pipeline.judge import judge_adjustment
 from core.pipeline.methods import METHODS
 from core.pipeline.options import CalibrateOptions
 from core.pipeline.volumes import left_out_verdict
@@ -66,6 +67,15 @@ def test_a_loose_rig_is_recognised_and_its_looseness_measured(loose):
     assert "was not rigid" in str(result)
     # three components of 0.5 mm each, ten samples
     assert 0.5 < result.shift_rms_mm < 1.4
+
+
+def test_a_network_of_others_is_told_when_what_it_holds_rigid_was_loose(loose):
+    """Residuals were 1.3 times their sigmas, which may be off by a half: "nothing systematic"."""
+    passed, doubtful = (judge_adjustment(adjust(loose(shift_mm))).verdict for shift_mm in (0.0, 0.03))
+    assert passed.state == "passed"
+    assert doubtful.state == "doubtful"
+    assert doubtful.because[0].startswith("the rig was not rigid")
+    assert 'leave "rigid_with" out' in doubtful.because[0]
 
 
 def test_what_is_significant_and_smaller_than_the_targets_own_errors_is_no_looseness(loose):

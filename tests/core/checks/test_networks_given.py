@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from core.calibrate import adjust, calibrate_photogrammetric
-from core.checks import uneven_axes
+from core.checks import nominal_concerns, uneven_axes
 from core.errors import InputError
-from core.model import Network, NetworkScale
+from core.model import AdjustedDevice, Network, NetworkScale
 from core.pipeline.calibrate import adjust_network
 from core.pipeline.judge import judge_adjustment
 from core.project import write_network
@@ -140,6 +140,22 @@ def test_a_single_known_point_that_is_off_is_named() -> None:
     assert f"y_mm of point {known.point_names[20]} is off by" in told(known)[0]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_one_of_four_known_points_is_named_though_the_datum_follows_it(seed: int) -> None:
+    """Seven of twelve coordinates make the datum: the wrong one was off by 4 to 6 of its sigmas, which 16 passed."""
+    made = simulated_network(seed=seed, use=("camera",), scale=False, approximation_mm=1.0)
+    corners = [0, 7, 40, 47]  # of 6 x 8 points
+    rng, xyz, sigma = np.random.default_rng(seed), made.network.point_xyz_mm.copy(), np.full((48, 3), np.inf)
+    sigma[corners] = KNOWN_MM
+    xyz[corners] = made.points_mm[corners] + rng.normal(0, KNOWN_MM, (4, 3))
+    known = replace(made.network, point_xyz_mm=xyz, point_sigma_mm=sigma)
+    assert told(known) == ()
+    xyz[corners[0], 0] += 15 * KNOWN_MM
+    verdict = judge_adjustment(adjust(known)).verdict
+    assert verdict.state != "passed"
+    assert f"point {known.point_names[corners[0]]} " in verdict.because[0]
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_rough_places_of_another_scale_are_not_accused(seed: int) -> None:
     sound = simulated_network(seed=seed, approximation_mm=20.0).network
@@ -218,3 +234,14 @@ def test_columns_alone_are_held_against_the_image_without_a_warning() -> None:
     texts = [text for text in told(replace(made, observation_uv=uv)) if "outside its 640 x 640 px (u " in text]
     assert len(texts) == 1
     assert "nan" not in texts[0]
+
+
+def test_a_principal_point_that_was_foretold_is_far_off_for_nobody() -> None:
+    """Of a region of the sensor's: it stayed doubtful, whatever was given before."""
+    known = replace(CAMERA_TRUTH, x0_mm=0.4 * CAMERA.width * CAMERA.pitch_mm[0])
+    sigma = np.array([0.01, 0.02, 0.02, *np.zeros(6)])
+    for foretold in (False, True):
+        spec = replace(CAMERA, interior=known, interior_sigma=tuple(sigma)) if foretold else CAMERA
+        device = AdjustedDevice(spec, known, sigma / 10, (0.0, 0.0), 1)
+        found = [concern.text for concern in nominal_concerns({"camera": device})]
+        assert any("principal point" in text for text in found) != foretold
