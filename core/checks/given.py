@@ -131,7 +131,7 @@ def _known(adjustment: Adjustment) -> list[Concern]:
             )
             concerns.append(Concern("doubtful", text))
     if not concerns and _beyond(ratio, redundancy):
-        worst, axis = np.unravel_index(np.argmax(normalised), normalised.shape)
+        worst, axis = divmod(int(np.argmax(normalised)), 3)
         text = (
             f"points.csv: coordinates of {np.count_nonzero(weighed.any(axis=1))} points contradict one another "
             f"(chi-square test), most {'xyz'[axis]}_mm of point {network.point_names[worst]}, off by "

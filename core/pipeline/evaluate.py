@@ -220,14 +220,19 @@ def _told(
     repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Put verdicts on planes, with `more` notes by capture."""
-    seen = {(row.capture, row.method, *row.devices): (form, rms) for row, form, rms, _ in found}
-    notes = {name: tuple(texts) for name, texts in more.items()}
-    for row, *_, said in found:
-        notes[row.capture] = tuple(dict.fromkeys((*notes.get(row.capture, ()), *said)))
+    said: dict[tuple[str, ...], list[str]] = {}  # by capture, and by its devices
+    for row, *_, own in found:
+        for key in ((row.capture,), (row.capture, *row.devices)):
+            said.setdefault(key, []).extend(own)
+    seen = {}
+    for row, form, rms, _ in found:
+        whole = row.devices[1] == TOGETHER  # what any pair says is said of all devices together, too
+        texts = said[(row.capture,) if whole else (row.capture, *row.devices)]
+        seen[row.capture, row.method, *row.devices] = form, rms, (*more.get(row.capture, ()), *texts)
     order = list(METHODS)
     verdicts = {m: c.verdict for m, c in calibrations.items()}
     result = sorted((row for row, *_ in found), key=lambda e: order.index(e.method))
-    return judge_planes(result, seen, notes, verdicts, repeated)
+    return judge_planes(result, seen, verdicts, repeated)
 
 
 def covers(method: Method, calibration: Calibration, phase: PhaseMap, project: Project) -> bool:

@@ -91,16 +91,15 @@ def _verdict(of_captures: Sequence[Concern], concerns: Sequence[Concern], sound:
 
 def judge_planes(
     evaluations: Sequence[PlaneEvaluation],
-    seen: Mapping[tuple[str, Method, str, str], tuple[Form, float]],
-    notes: Mapping[str, Sequence[str]] | None = None,
+    seen: Mapping[tuple[str, Method, str, str], tuple[Form, float, Sequence[str]]],
     verdicts: Mapping[Method, Verdict | None] | None = None,
     repeated: Mapping[str, str] | None = None,
 ) -> tuple[PlaneEvaluation, ...]:
     """Judge planes, each against its prediction and all against each other.
 
-    `seen` is by capture, method, camera and projector the form of the deviations, and what the calibration's own
-    uncertainty adds to them, mm r.m.s.; `notes` is by capture what it says of itself; `verdicts` are those of the
-    calibrations, which no plane's is better than; `repeated` gives by capture the one whose frames it has, too.
+    `seen` is by capture, method, camera and projector the form of the deviations, what the calibration's own
+    uncertainty adds to them, mm r.m.s., and what the capture and these devices say of themselves; `verdicts` are those
+    of the calibrations, which no plane's is better than; `repeated` gives by capture the one whose frames it has, too.
     """
     from core.checks import pair_concerns, plane_concerns, plane_words
 
@@ -114,8 +113,9 @@ def judge_planes(
         common += pair_concerns([e for e in single if e.devices == devices])
     judged = []
     for e in evaluations:
-        concerns = plane_concerns(e, *seen[e.capture, e.method, *e.devices])
-        of_capture = noted({e.capture: (notes or {}).get(e.capture, ())})
+        form, rms, said = seen[e.capture, e.method, *e.devices]
+        concerns = plane_concerns(e, form, rms)
+        of_capture = noted({e.capture: tuple(dict.fromkeys(said))})
         named = [c for c in common if c.about in ("", e.capture)]
         if verdicts is not None and e.method in verdicts:
             named += based_on(e.method, verdicts[e.method])

@@ -15,6 +15,7 @@ import pytest
 
 from core.bench import experiment
 from core.bench.truth import truth_maps
+from core.checks import form_of
 from core.cli import main
 from core.demo import Demo
 from core.errors import InputError
@@ -23,6 +24,7 @@ from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project
 from core.pipeline import calibrate_project, evaluate_project, load_calibrations, reconstruct_capture, simulate_project
 from core.pipeline.decode import decode_capture, phase_maps
+from core.pipeline.evaluate import _told
 from core.pipeline.exchange import export_calibration
 from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
@@ -182,6 +184,15 @@ def test_planes_are_judged_by_each_camera(project: Project) -> None:
     for (capture, camera, projector), rms in by.items():
         if projector == "all devices":
             assert rms < 0.75 * by[capture, camera, "projector"]
+
+
+def test_a_plane_is_doubted_for_the_devices_that_took_it_and_no_others(project: Project) -> None:
+    """The row of a sound pair was doubtful because the other camera had moved, which its own points are not."""
+    rows = kept_evaluation(project)
+    of_right = {("right", "projector"): ("right and projector do not see it as they were calibrated",)}
+    told = _told([(e, form_of(e.deviation_mm), 1.0, of_right.get(e.devices, ())) for e in rows], {}, {})
+    doubted = {e.devices for e in told if any("right and projector do not" in text for text in e.verdict.because)}
+    assert doubted == {("right", "projector"), ("left", "all devices"), ("right", "all devices")}
 
 
 def test_profiles_are_those_of_each_camera(project: Project, tmp_path: Path) -> None:
