@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,6 +14,7 @@ from core.geometry import knows, pair_of
 from core.model import (
     UNJUDGED,
     Adjustment,
+    Array,
     Calibration,
     Capture,
     Concern,
@@ -30,6 +31,7 @@ from core.model import (
     named_by,
     verdict_of,
 )
+from core.numerics import median_of
 from core.pipeline.evidence import HARMLESS, Evidence, has_one_value, is_white_of, noted, shows_all_or_no_light
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
@@ -41,6 +43,7 @@ BENT_BY = 150  # pixels tell how a calibration's errors bend a plane
 PLACES = 1000  # means of pixels that tell whether a rig has moved so far that it matters to points
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less matters to points in depth alone
 OFF_IN_DEPTH = 4.0  # standard deviations of a change of depth; by chance once in 16,000 captures
+FAR, MOST_FAR = 5.0, 0.05  # sigmas by which depths of a pixel differ by chance never; share of pixels that may be rims
 
 
 def judge_adjustment(adjustment: Adjustment) -> Adjustment:
@@ -145,6 +148,16 @@ def judge_points(
             "no sigma contains that"
         )
         concerns.append(Concern("doubtful", text))
+    if cloud.sight is not None:
+        from core.reconstruct import Sight
+
+        joint, miss = (int(np.count_nonzero(cloud.sight[cloud.valid] == s)) for s in (Sight.JOINT, Sight.DISAGREE))
+        if miss > MOST_FAR * (joint + miss):
+            text = (
+                f"in {miss} of {joint + miss} points that several devices saw their rays miss one another: part of it "
+                "moved between their images; these points have larger sigmas (sight 4)"
+            )
+            concerns.append(Concern("doubtful", text))
     return replace(cloud, verdict=verdict_of(concerns))
 
 
@@ -179,6 +192,7 @@ def said_of(
         for phase in phases:
             if knows(calibration, phase.camera, phase.projector):
                 moved += _moved(phase, calibration, capture.name)
+        moved += _depths_apart(phases, calibration)
     if not moved:
         from core.reconstruct import seen_by_other
 
@@ -214,6 +228,43 @@ def _moved(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair, capt
         f"{motion.residual_rms:.2g} where noise leaves {motion.corrected_rms:.2g} (p = {motion.p:.1g}): one of them "
         "moved since, or the frames are shifted or of another rig; see `stripe-core orient`, or calibrate again",
     )
+
+
+def _depths_apart(phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibration) -> Iterator[str]:
+    """Say where a camera sees an object at other depths by one projector than by another, each of which fits it."""
+    from core.reconstruct import reconstruct
+
+    def seen(phase: PhaseMap) -> tuple[Array, Array, Array]:
+        """Z of the pixels, and the variances of it by noise and by all."""
+        cloud = reconstruct(phase, calibration)
+        assert cloud.sigma_mm is not None
+        assert cloud.sigma_depth_mm is not None
+        z, noise, whole = (
+            a.astype(float) for a in (cloud.xyz_mm[..., 2], cloud.sigma_depth_mm, cloud.sigma_mm[..., 2])
+        )
+        return z, noise**2, whole**2
+
+    for one, two in combinations(phases, 2):
+        if one.camera != two.camera or not all(knows(calibration, p.camera, p.projector) for p in (one, two)):
+            continue
+        try:
+            (a, *of_a), (b, *of_b) = seen(one), seen(two)
+        except InputError:  # one axis, or none of it in front
+            continue
+        off, noise, variance = a - b, of_a[0] + of_b[0], of_a[1] + of_b[1]
+        both = np.isfinite(off)
+        if np.count_nonzero(both) < PLACES:
+            continue
+        off, noise, variance = off[both], noise[both], variance[both]
+        deeper, far = median_of(off), float(np.mean(np.abs(off) > FAR * np.sqrt(variance)))
+        # as if both erred by themselves: what they have in common by the camera makes their difference surer
+        sigma = float(np.sqrt(max(median_of(variance - noise), 0.0) + median_of(noise) / PLACES))
+        if abs(deeper) > OFF_IN_DEPTH * sigma or far > MOST_FAR:
+            yield (
+                f"{one.camera} sees it at other depths by {two.projector} than by {one.projector}: {deeper:+.2g} ± "
+                f"{sigma:.1g} mm in the median, and {far:.0%} of the pixels by more than {FAR:g} sigmas: it moved "
+                "between their frames, or a device did since the calibration; capture it again, or calibrate again"
+            )
 
 
 def bend_rms(e: PlaneEvaluation, cloud: PointCloud, calibration: Calibration) -> float:

@@ -359,17 +359,18 @@ def in_one_frame(parts: Iterable[tuple[Device, PointCloud, NDArray, Floats]]) ->
 
 
 def _tell_disagreeing(sight: NDArray, rss: Array, count: NDArray) -> Array:
-    """Mark joint points whose rays miss one another by more than chance and the image's usual misfit allow.
+    """Mark points whose rays, of several pairs, miss one another by more than chance and the image's usual misfit.
 
     Give that misfit (H, W) over what noise makes of it, squared, at least 1: how all devices stand is no point's fault,
     but each point is off by that.
     """
-    joint, misfit = sight == Sight.JOINT, np.ones(sight.shape)
-    for n in np.unique(count[joint & (count > 1)]):
-        alike = joint & (count == n)
-        usual = max(1.0, float(np.median(rss[alike])) / chi_square_limit(int(n) - 1, 0.5))
-        misfit[alike] = usual
-        sight[alike & (rss > usual * chi_square_limit(int(n) - 1, BEYOND))] = Sight.DISAGREE
+    misfit, seen = np.ones(sight.shape), sight.copy()
+    for kind, pair in ((Sight.JOINT, 1), (Sight.OWN, 2)):  # a pair by itself has its epipolar residual alone
+        for n in np.unique(count[(seen == kind) & (count > pair)]):
+            alike = (seen == kind) & (count == n)
+            usual = max(1.0, float(np.median(rss[alike])) / chi_square_limit(int(n) - 1, 0.5))
+            misfit[alike] = usual
+            sight[alike & (rss > usual * chi_square_limit(int(n) - 1, BEYOND))] = Sight.DISAGREE
     return misfit
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,13 +15,16 @@ from core.errors import InputError, NoCoordinateError
 from core.geometry import Pose, matrix_from_rotation_vector
 from core.model import (
     AdjustedDevice,
+    Capture,
     DeviceSpec,
     Interior,
     Orientation,
     PhaseMap,
     PhotogrammetricCalibration,
+    PointCloud,
     Registration,
 )
+from core.pipeline.judge import said_of
 from core.reconstruct import Sight, at_stations, intersect_all, joined, merged, reconstruct
 from core.reconstruct.joint import Scene, View, by_calibration
 from core.reconstruct.labels import labels_of
@@ -94,17 +99,21 @@ def capture(camera: Place, lamp: Place, surfaces: list[Surface], name: str, nois
     return PhaseMap(uv[..., 0], uv[..., 1], sigma, sigma, plain, plain, flags, camera=name, projector="projector")
 
 
-def calibration(left: Place = LEFT, right: Place = RIGHT, lamp: Place = LAMP) -> PhotogrammetricCalibration:
+def calibration(
+    left: Place = LEFT, right: Place = RIGHT, lamp: Place = LAMP, **more: Place
+) -> PhotogrammetricCalibration:
+    """Of two cameras and one projector or more."""
+    places = {"left": left, "right": right, "projector": lamp, **more}
+
     def from_left(place: Place) -> Orientation:
         return Orientation("left", Pose(place.R @ left.R.T, place.R @ (left.centre - place.centre)))
 
-    names = [
-        f"{n}.{p}" for n in ("left", "right", "projector") for p in ("c", "x0", "y0", *(f"A{k}" for k in range(1, 7)))
-    ]
-    names += [f"{n}.{p}" for n in ("right", "projector") for p in ("rx", "ry", "rz", "tx", "ty", "tz")]
+    others = [*places][1:]
+    names = [f"{n}.{p}" for n in places for p in ("c", "x0", "y0", *(f"A{k}" for k in range(1, 7)))]
+    names += [f"{n}.{p}" for n in others for p in ("rx", "ry", "rz", "tx", "ty", "tz")]
     return PhotogrammetricCalibration(
-        {"left": left.device(), "right": right.device(), "projector": lamp.device()},
-        ("left", "right"), {"right": from_left(right), "projector": from_left(lamp)},
+        {name: place.device() for name, place in places.items()},
+        ("left", "right"), {name: from_left(places[name]) for name in others},
         np.zeros((len(names), len(names))), tuple(names), 1.0, 1, 1, 1, 1, (0.0, 0.0, 0.0),
     )  # fmt: skip
 
@@ -124,19 +133,44 @@ def depth_errors(cloud, camera: Place, surfaces: list[Surface]) -> np.ndarray:
     return -cloud.xyz_mm[..., 2] - truth(camera, surfaces)
 
 
+def behind(origin: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """The plane, 5 mm farther away."""
+    n = np.array([0.15, -0.1, 1.0])
+    return (n[2] * -5.0 - origin @ n) / (d @ n)
+
+
+def off_by(cloud: PointCloud, which: np.ndarray) -> float:
+    """How many sigmas depths are from the one plane or from the other, r.m.s., the larger of the two."""
+    off = [depth_errors(cloud, LEFT, [surface])[which] / cloud.sigma_depth_mm[which] for surface in (plane, behind)]
+    return max(float(np.sqrt(np.mean(each**2))) for each in off)
+
+
 def test_sigmas_hold_what_moved_between_the_cameras_images() -> None:
     """All rays miss one another alike, which was the image's usual misfit and in no sigma: they were 128 off."""
-
-    def behind(origin: np.ndarray, d: np.ndarray) -> np.ndarray:
-        n = np.array([0.15, -0.1, 1.0])
-        return (n[2] * -5.0 - origin @ n) / (d @ n)
-
     phases = [captures([plane])[0], captures([behind])[1]]
     cloud = intersect_all(phases, calibration(), "left")
     joint = cloud.sight == Sight.JOINT
     assert joint.mean() > 0.8
-    off = [depth_errors(cloud, LEFT, [surface])[joint] / cloud.sigma_depth_mm[joint] for surface in (plane, behind)]
-    assert max(float(np.sqrt(np.mean(each**2))) for each in off) < 3  # three observations too many share it
+    assert off_by(cloud, joint) < 3  # three observations too many share it
+
+
+def test_what_moved_between_two_projectors_light_is_told_and_in_sigmas() -> None:
+    """Each of them fits the camera, and nothing held one against the other."""
+    below = Place.looking(PROJECTOR, 181.0, [30.0, -250.0, 905.0])
+    found = calibration(lamp=LAMP, lamp2=below)
+    by_one = capture(LEFT, LAMP, [plane], "left", NOISE, 1)
+    for surface in (plane, behind):
+        by_other = replace(capture(LEFT, below, [surface], "left", NOISE, 2), projector="lamp2")
+        phases = [by_one, by_other]
+        cloud = intersect_all(phases, found, "left")
+        assert off_by(cloud, cloud.valid) < 3 or surface is plane
+        told = said_of(Capture(Path("a"), "object", ()), phases, found)
+        assert [text.partition(": ")[0] for text in told] == (
+            [] if surface is plane else ["left sees it at other depths by lamp2 than by projector"]
+        )
+        deeper = [float(re.search(r"([+-]\S+) ± ", text)[1]) for text in told]
+        true = np.nanmedian((truth(LEFT, [behind]) - truth(LEFT, [plane]))[cloud.valid])
+        assert deeper in ([], [pytest.approx(true, rel=0.02)])
 
 
 def test_two_cameras_are_better_than_one_and_say_by_how_much() -> None:
