@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
@@ -236,7 +237,7 @@ def drift_of(
     """Make the control chart of every two devices, from all captures of the project in their order.
 
     What a capture shows is kept, and found again only where its frames or the calibration have changed; `kept` looks at
-    nothing else. Captures with one axis, or of too little, are left out.
+    nothing else. Captures with one axis, or of too little, are left out, and with a warning those of another rig.
     """
     from core.orient import OrientOptions, drift_chart
 
@@ -293,6 +294,9 @@ def _motion_if_seen(look: Look, series: Sequence[Capture]) -> RigMotion | None:
     try:
         return _orient(look, series, Wanted(), SILENT)
     except InputError:  # one axis, too few pixels, or frames that do not decode
+        return None
+    except AdjustmentError as error:  # it takes no other capture out of the chart
+        logging.getLogger(__name__).warning("%s: %s; left out of the chart", error.where, error.seen)
         return None
 
 

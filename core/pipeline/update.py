@@ -217,12 +217,13 @@ def decode_project(project: Project, progress: Progress = SILENT) -> int:
         def decoded(k: int, said: Progress) -> tuple[Figures, StripeError | None]:
             said(0.0, f"decoding {due[k].name}")
             try:
-                ((_, phase),) = phase_maps(project, [due[k]], said.quiet())
-                return phase_figures(phase), None
+                phases = [phase for _, phase in phase_maps(project, [due[k]], said.quiet())]
             except Cancelled:
                 raise
             except StripeError as error:
                 return {"error": str(error)}, error
+            by_pair = {f"{p.camera}-{p.projector}": phase_figures(p) for p in phases}
+            return by_pair if len(phases) > 1 else phase_figures(phases[0]), None
 
         outcomes = on_processes(decoded, len(due), progress)
         for capture, record, (figures, error) in zip(due, records, outcomes, strict=True):

@@ -13,26 +13,28 @@ import cv2
 import numpy as np
 import pytest
 
+from core import orient
 from core.bench import experiment
 from core.bench.truth import truth_maps
 from core.checks import form_of
 from core.cli import main
 from core.demo import Demo
-from core.errors import InputError
+from core.errors import AdjustmentError, InputError
 from core.geometry import pair_of
 from core.geometry import project as project_points
-from core.model import PhotogrammetricCalibration, Project
+from core.model import PhotogrammetricCalibration, Project, RigMotion
 from core.pipeline import calibrate_project, evaluate_project, load_calibrations, reconstruct_capture, simulate_project
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.evaluate import _told
 from core.pipeline.exchange import export_calibration
 from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
+from core.pipeline.orient import drift_of
 from core.pipeline.report import report_data
 from core.pipeline.state.graph import project_states
 from core.pipeline.state.states import State
 from core.pipeline.tables import kept_evaluation
-from core.pipeline.update import keep_points
+from core.pipeline.update import decode_project, keep_points
 from core.pipeline.views import reconstruct_views, seen_by_several
 from core.pipeline.volumes import volume_figures
 from core.project import read_capture, read_project
@@ -401,6 +403,35 @@ def test_what_moved_between_the_cameras_images_is_told_though_each_of_them_fits_
     for rays in ("all", "cameras"):
         (told,) = said_of(captures[0], [left, right], found, rays)
         assert told.startswith("left and right do not see it as they were calibrated")
+
+
+def test_a_capture_of_several_pairs_is_decoded_for_its_own_sake(project: Project, tmp_path: Path, edit_json) -> None:
+    """Where no later stage had asked for it, `update` ended in a ValueError, and every other stage with it."""
+    folder = Path(shutil.copytree(project.path, tmp_path / "alone", ignore=shutil.ignore_patterns("results")))
+    edit_json(folder / "project.json", captures=["captures/plane+15"])
+    assert decode_project(read_project(folder)) == 1
+    assert project_states(read_project(folder)).captures["plane+15"]["decode"].state == "current"
+    figures = json.loads((folder / "results" / "decode.json").read_text())["captures"]["plane+15"]
+    assert {"left-projector", "right-projector"} < set(figures)
+
+
+def test_a_capture_that_no_movement_explains_takes_no_other_out_of_the_chart(
+    project: Project, tmp_path: Path, edit_json, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = copied(project.path, tmp_path / "chart")
+    edit_json(folder / "project.json", captures=["captures/plane+00", "captures/plane+15"])
+    found = orient.find_motion
+
+    def unless_turned(*args: object, capture: str, **more: object) -> RigMotion:
+        if capture == "plane+15":
+            raise AdjustmentError(capture, "left and projector see it 120 lines off each other's rays", "see to that")
+        return found(*args, capture=capture, **more)
+
+    monkeypatch.setattr("core.orient.find_motion", unless_turned)
+    charts = drift_of(read_project(folder))
+    assert {point.capture for point in charts["left", "projector"]} >= {"plane+00"}
+    assert "plane+15" not in {point.capture for chart in charts.values() for point in chart}
+    assert "plane+15: left and projector see it 120 lines off each other's rays; left out of the chart" in caplog.text
 
 
 def test_rays_that_contradict_one_another_are_refused(project: Project, tmp_path: Path) -> None:
