@@ -19,11 +19,11 @@ from core.orient.chart import Expectation, drift_chart, expectation_of, judged
 from core.orient.freedom import OrientOptions
 from core.orient.known import LENGTHS, lines_at
 from core.orient.motion import find_motion
-from core.orient.register import View, register
+from core.orient.register import View, apart, register
 from core.orient.rig import correct_rig
 from core.orient.starts import starts_of
 
 __all__ = [
-    "LENGTHS", "Expectation", "OrientOptions", "View", "correct_rig", "drift_chart", "expectation_of", "find_motion",
-    "judged", "lines_at", "register", "starts_of",
+    "LENGTHS", "Expectation", "OrientOptions", "View", "apart", "correct_rig", "drift_chart", "expectation_of",
+    "find_motion", "judged", "lines_at", "register", "starts_of",
 ]  # fmt: skip

@@ -20,10 +20,17 @@ from typing import Literal
 import numpy as np
 
 from core.errors import InputError
-from core.geometry import Pose, pair_derivatives, pair_for, project
+from core.geometry import (
+    Pose,
+    cross_matrix,
+    pair_derivatives,
+    pair_for,
+    project,
+    rotation_vector_from_matrix,
+)
 from core.lazy import dataclass
 from core.model import Array, Overlap, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud, Registration, TargetSet
-from core.numerics import sigma_by_median
+from core.numerics import chi_square_limit, sigma_by_median
 from core.orient.residuals import Residuals, epipolar_residuals, single_places
 from core.orient.surface import Surface
 from core.progress import SILENT, Progress
@@ -38,6 +45,11 @@ HUBER, GROSS = 2.0, 5.0  # sigmas, the residuals' own scatter among them
 FACING = 0.5  # cosine between normals of what may be one surface
 TILES = 8  # a side of the image; what remains within one may hang together
 STEP = 0.01  # px or lines, for a derivative
+POSE, CONTRADICTION, CHANCE = (
+    6,
+    1.6,
+    1e-3,
+)  # parameters; times as far as sigmas allow by chance: surfaces are known to a half
 SLIDES = 0.25  # share of what seems to hold two surfaces that may be due to their noise
 
 
@@ -180,6 +192,34 @@ def register(
     L = pair_derivatives(calibration, *_names(views[0].phase, calibration))
     overlaps = tuple(_overlap(views, each, z) for each, z in rest)
     return Registration(tuple(v.name for v in views), tuple(poses), covariance, by_pair @ L, overlaps)
+
+
+def apart(
+    views: Sequence[View], calibration: PhotogrammetricCalibration, registered: Registration
+) -> dict[str, tuple[float, float]]:
+    """Which views stand elsewhere by their targets than by their surface; by how much at the object, and sigma, mm.
+
+    None where one of the two does not tell how they stand. They were `registered` by targets alone, or by both.
+    """
+    one, poses, found = registered, registered.poses, {}
+    try:
+        if any(each.kind != "targets" for each in registered.overlaps):
+            one = register(views, calibration, poses, by="targets")
+        two = register(views, calibration, poses, by="surface")
+    except InputError:
+        return {}
+    J = one.by_calibration - two.by_calibration
+    whole = one.covariance + two.covariance + J @ calibration.covariance @ J.T
+    middle = views[0].cloud.xyz_mm[views[0].cloud.valid].mean(axis=0, dtype=float)
+    for k, (name, a, b) in enumerate(zip(one.captures[1:], one.poses[1:], two.poses[1:], strict=True)):
+        C = whole[POSE * k :, POSE * k :][:POSE, :POSE]
+        off = np.append(rotation_vector_from_matrix(b.rotation @ a.rotation.T), b.translation_mm - a.translation_mm)
+        if off @ np.linalg.solve(C, off) > CONTRADICTION**2 * chi_square_limit(POSE, CHANCE):
+            by_pose = np.hstack([-cross_matrix(a.rotation @ middle), np.eye(3)])
+            away = by_pose @ off
+            along = away / np.linalg.norm(away) @ by_pose
+            found[name] = float(np.linalg.norm(away)), float(np.sqrt(along @ C @ along))
+    return found
 
 
 def _names(phase: PhaseMap, calibration: PhotogrammetricCalibration) -> tuple[str, str]:

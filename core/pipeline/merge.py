@@ -72,7 +72,7 @@ def merge_captures(
     InputError
         If the captures lack a common camera and projector, or do not tell how they stand to each other.
     """
-    from core.orient import View, register, starts_of
+    from core.orient import View, apart, register, starts_of
     from core.reconstruct import at_stations, joined, reconstruct
 
     if len(set(names)) < 2:
@@ -93,6 +93,12 @@ def merge_captures(
     with because_of(said):
         starts = starts_of(views, calibration, progress.part(0.5, 0.6))
         found = register(views, calibration, starts, by=by, progress=progress.part(0.6, 0.8))
+    for name, (off, sigma) in (apart(views, calibration, found) if by != "surface" else {}).items():
+        text = (
+            f"by its targets it stands {off:.2g} ± {sigma:.1g} mm from where its surface has it: the object moved "
+            "against its board, or bends; fix it there, or merge by the surface"
+        )
+        said[name] = (*said[name], text)
     everywhere = at_stations(calibration, found, pair[0])
     cloud, image, sources = joined(phases, [capture.name for capture in captures], everywhere, progress.part(0.8, 1.0))
     cloud = judge_points(cloud, said, "photogrammetric", calibration)

@@ -16,7 +16,7 @@ from core.cli import main
 from core.errors import InputError
 from core.geometry import Pose, rotation_vector_from_matrix
 from core.numerics import chi_square_limit
-from core.orient import View, register, starts_of
+from core.orient import View, apart, register, starts_of
 from core.pipeline.report import report_data
 from core.project import read_project
 from core.reconstruct import at_stations, joined, reconstruct
@@ -69,6 +69,20 @@ def test_poses_and_joined_points_are_as_good_as_they_say() -> None:
         points.append(np.mean((error_mm / cloud.sigma_mm[0][first]) ** 2))
     assert 15.3 < sum(squares) < chi_square_limit(36, 1e-3)
     assert np.sqrt(np.mean(points)) == pytest.approx(1.0, abs=0.54)
+
+
+def test_an_object_that_moved_against_its_board_is_told() -> None:
+    """Targets and surface each fit to their noise, and their poses were the mean of both, in no doubt."""
+    rng = np.random.default_rng(4)
+    rig, pose = draw(FOUND, rng), STATIONS[1] @ STATIONS[0].inverse()
+    first, second = (observe(rig, each, rng) for each in STATIONS[:2])
+    aside = STATIONS[1] @ Pose(np.eye(3), np.array([0.6, -0.8, 0.0]))
+    for board, off in ((second, None), (observe(rig, aside, rng), 1.0)):
+        for by in ("targets", "both"):
+            views = views_of([first, replace(second, targets=board.targets)])
+            told = apart(views, FOUND, register(views, FOUND, [Pose(), pose], by=by))
+            assert list(told) == ([] if off is None else ["view 1"])
+            assert all(mm == pytest.approx(off, abs=4 * sigma) and sigma < 0.1 for mm, sigma in told.values())
 
 
 def test_views_are_joined_by_a_calibration_without_sigmas() -> None:
