@@ -15,6 +15,7 @@ Bools = NDArray[np.bool_]
 Warnings = list[Concern | str]  # of an adjustment; concerns put its result in doubt
 
 LEAST_POINTS = 4  # that a free station must see: three leave up to four solutions
+DATUM_POINTS = 3  # known ones that hold a field
 
 
 class LostEndError(AdjustmentError):
@@ -154,7 +155,10 @@ def _weak_stations(network: Network) -> NDArray[np.int64]:
 
 
 def _single_ray_points(network: Network) -> NDArray[np.int64]:
-    """Points with fewer than two stations or fewer than three observed coordinates; what is known counts."""
+    """Points with fewer than two stations or fewer than three observed coordinates; what is known counts.
+
+    Not, where points are known to give the datum and these are too few for it: one ray to one of two lets all turn.
+    """
     n = len(network.point_names)
     if network.point_sigma_mm is not None:
         known = np.isfinite(network.point_sigma_mm).sum(axis=1)
@@ -162,6 +166,8 @@ def _single_ray_points(network: Network) -> NDArray[np.int64]:
         known = np.zeros(n, np.int64)
     stations = np.bincount(network.observation_point, minlength=n)
     coordinates = np.bincount(network.observation_point, np.isfinite(network.observation_uv).sum(axis=1), minlength=n)
+    if np.count_nonzero(known == 3) < DATUM_POINTS:
+        known = np.where((known == 3) & (stations < 2), 0, known)
     return np.flatnonzero((stations == 0) | ((stations < 2) & (known == 0)) | (coordinates + known < 3))
 
 

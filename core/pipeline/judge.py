@@ -151,11 +151,11 @@ def judge_points(
     if cloud.sight is not None:
         from core.reconstruct import Sight
 
-        joint, miss = (int(np.count_nonzero(cloud.sight[cloud.valid] == s)) for s in (Sight.JOINT, Sight.DISAGREE))
-        if miss > MOST_FAR * (joint + miss):
+        miss = int(np.count_nonzero(cloud.sight[cloud.valid] == Sight.DISAGREE))
+        if miss > MOST_FAR * count:
             text = (
-                f"in {miss} of {joint + miss} points that several devices saw their rays miss one another: part of it "
-                "moved between their images; these points have larger sigmas (sight 4)"
+                f"in {miss} of {count} points the rays of several devices miss one another: part of it moved between "
+                "their images; these points have larger sigmas (sight 4)"
             )
             concerns.append(Concern("doubtful", text))
     return replace(cloud, verdict=verdict_of(concerns))

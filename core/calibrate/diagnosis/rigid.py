@@ -25,6 +25,7 @@ from core.progress import SILENT, Progress
 
 ERROR_LEVEL = 0.001  # chance that a rigid rig is called loose
 UNKNOWNS = 6  # of a free station
+ROUNDING = 1e-6  # mm and mrad: observations were computed
 NEGLIGIBLE = 0.3  # of sigma: uneven light moves all targets of an image alike by 0.1 to 0.2 sigma, no rig has to
 
 
@@ -46,7 +47,8 @@ class RigidityTest:
     @property
     def rigid(self) -> bool:
         """Whether nothing speaks against a rigid rig."""
-        return self.statistic <= self.critical or self.drift_sigmas <= NEGLIGIBLE
+        moved = max(self.shift_rms_mm, self.turn_rms_mrad) > ROUNDING
+        return not moved or self.statistic <= self.critical or self.drift_sigmas <= NEGLIGIBLE
 
     def __str__(self) -> str:
         verdict = "the rig was rigid" if self.rigid else "the rig was not rigid"

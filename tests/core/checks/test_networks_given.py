@@ -157,6 +157,20 @@ def test_one_of_four_known_points_is_named_though_the_datum_follows_it(seed: int
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_of_two_known_points_one_that_a_single_image_shows_holds_nothing(seed: int) -> None:
+    """All turned about its ray, and "images fit the points only when they are mirrored"."""
+    made = simulated_network(seed=seed, use=("camera",), scale=False, approximation_mm=1.0)
+    network, sigma = made.network, np.full((48, 3), np.inf)
+    sigma[[0, 47]] = KNOWN_MM
+    keep = (network.observation_point != 47) | (network.observation_station == 3)
+    parts = ("observation_station", "observation_point", "observation_uv", "observation_sigma")
+    few = {name: getattr(network, name)[keep] for name in parts}
+    found = adjust(replace(network, point_sigma_mm=sigma, **few))
+    assert f"left out, not seen by two rays: point {network.point_names[47]}" in found.warnings
+    assert judge_adjustment(found).verdict.state == "passed"
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_rough_places_of_another_scale_are_not_accused(seed: int) -> None:
     sound = simulated_network(seed=seed, approximation_mm=20.0).network
     assert told(sound) == ()
