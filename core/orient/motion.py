@@ -29,6 +29,7 @@ from core.orient.residuals import Residuals, Sight, blocks_of, epipolar_residual
 from core.progress import SILENT, Progress
 
 GROSS = 25.0  # and beyond which it is no measurement: a wrong word, or two surfaces in one pixel
+MOST_BEHIND = 0.5  # share of places whose points may lie behind the rig or nowhere
 TILES = 250  # lie on the object: residuals of one, and of neighbours, may hang together
 FEWEST_TILES, FEWEST_PIXELS = 30, 500
 FREE = 1e-6
@@ -227,6 +228,10 @@ def _checked(
     sight: Sight, found: Residuals, sides: tuple[int, float], phase: PhaseMap, capture: str
 ) -> tuple[Sight, Residuals]:
     """Leave out what is no measurement, and see that enough is left."""
+    if len(sight.at) and np.mean(found.xyz_mm[:, 2] < 0) < MOST_BEHIND:
+        seen = f"rays of {phase.camera} and {phase.projector} meet behind the rig, or nowhere"
+        remedy = "one of them was turned round or exchanged, or the calibration is of another rig or frame: see to that"
+        raise AdjustmentError(capture, seen, remedy)
     if len(sight.at):
         with np.errstate(invalid="ignore"):
             kept = np.abs(found.e - median_of(found.e)) < GROSS * max(float(np.nanstd(found.e)) / 5, 1.0)

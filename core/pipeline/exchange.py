@@ -96,6 +96,11 @@ def _foreign(project: Project, calibration: PhotogrammetricCalibration) -> list[
     from core.checks import foreign_concerns, nominal_concerns, see_plates
 
     concerns = nominal_concerns(calibration.devices, calibration.cameras)
+    for name, orientation in calibration.orientations.items():
+        away, c = float(np.linalg.norm(orientation.device_from_base.origin_mm)), calibration.devices[name].interior.c_mm
+        if away < c:
+            text = f"{name} is {away:.2g} mm from {orientation.base}, less than its own c of {c:.3g} mm"
+            concerns.append(Concern("doubtful", f"{text}: is the file in m instead of mm?"))
     if not calibration.projectors:
         return concerns
     boards = {c.name: c.testfield for c in captures_of(project, "testfield") if c.testfield is not None}

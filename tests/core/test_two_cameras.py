@@ -20,13 +20,13 @@ from core.checks import form_of
 from core.cli import main
 from core.demo import Demo
 from core.errors import AdjustmentError, InputError
-from core.geometry import pair_of
+from core.geometry import Pose, pair_of
 from core.geometry import project as project_points
 from core.model import PhotogrammetricCalibration, Project, RigMotion
 from core.pipeline import calibrate_project, evaluate_project, load_calibrations, reconstruct_capture, simulate_project
 from core.pipeline.decode import decode_capture, phase_maps
 from core.pipeline.evaluate import _told
-from core.pipeline.exchange import export_calibration
+from core.pipeline.exchange import _foreign, export_calibration
 from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
 from core.pipeline.orient import drift_of
@@ -479,6 +479,16 @@ def test_a_pair_that_alone_is_calibrated_is_corrected_alone(project: Project, tm
     assert main(["orient", str(folder), "plane+15", "--correct"]) == 0
     assert main(words) == 0
     assert flatness(out)[1] == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_translation_in_metres_is_no_base(project: Project) -> None:
+    found = load_calibrations(project)["photogrammetric"]
+    stood = found.orientations["right"]
+    metres = Pose(stood.device_from_base.rotation, stood.device_from_base.translation_mm / 1000)
+    theirs = replace(found, orientations={**found.orientations, "right": replace(stood, device_from_base=metres)})
+    told = [[c.text for c in _foreign(project, each) if "in m instead of mm" in c.text] for each in (found, theirs)]
+    assert told[0] == []
+    assert [text.partition(" is ")[0] for text in told[1]] == ["right"]
 
 
 def test_no_device_is_held_against_the_calibration_of_another(project: Project, tmp_path: Path, edit_json) -> None:

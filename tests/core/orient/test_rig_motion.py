@@ -72,6 +72,14 @@ def captured(rig: Pair, rng: np.random.Generator, sigma: float = SIGMA) -> Phase
     return PhaseMap(noisy[..., 0], noisy[..., 1], s, s, nothing, nothing, nothing.astype(np.uint8))
 
 
+def test_rays_that_meet_behind_the_rig_are_no_object_that_is_too_small() -> None:
+    """As by a file in a frame whose Y runs upwards: two thirds of the field were to fill more of it."""
+    flip = np.diag([1.0, -1.0, -1.0])
+    other = replace(TRUE, projector_from_camera=Pose(flip @ POSE.rotation @ flip, flip @ POSE.translation_mm))
+    with pytest.raises(AdjustmentError, match="meet behind the rig, or nowhere"):
+        find_motion(captured(TRUE, np.random.default_rng(1)), other)
+
+
 def turned(rig: Pair, rotation: Array, shift: Array) -> Pair:
     """The rig with its projector moved in the camera's frame."""
     pose = rig.projector_from_camera
