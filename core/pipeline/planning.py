@@ -150,7 +150,7 @@ def rig_light(project: Project, preflight: Path | None = None) -> RigLight:
     light, said = RigLight(), []
     for path in reversed(project.captures):
         try:
-            capture = read_capture(path, project)
+            capture = read_capture(path, project).series[0]  # of the first camera and projector
             light, said = _from_capture(capture, light), [f"contrast, noise and blur from the capture {capture.name}"]
             break
         except (InputError, _UnsuitableError):

@@ -30,6 +30,7 @@ from core.pipeline.exchange import _foreign, export_calibration
 from core.pipeline.judge import said_of
 from core.pipeline.measure import kept_targets
 from core.pipeline.orient import drift_of
+from core.pipeline.planning import rig_light
 from core.pipeline.report import report_data
 from core.pipeline.state.graph import project_states
 from core.pipeline.state.states import State
@@ -37,7 +38,7 @@ from core.pipeline.tables import kept_evaluation
 from core.pipeline.update import decode_project, keep_points
 from core.pipeline.views import reconstruct_views, seen_by_several
 from core.pipeline.volumes import volume_figures
-from core.project import read_capture, read_project
+from core.project import read_capture, read_image, read_project
 from core.reconstruct import Sight
 from core.report import Tolerance, conformity, tables
 from core.report.document import compose
@@ -403,6 +404,21 @@ def test_what_moved_between_the_cameras_images_is_told_though_each_of_them_fits_
     for rays in ("all", "cameras"):
         (told,) = said_of(captures[0], [left, right], found, rays)
         assert told.startswith("left and right do not see it as they were calibrated")
+
+
+def test_the_light_is_that_of_the_first_camera_whatever_the_other_counts(
+    project: Project, tmp_path: Path, edit_json
+) -> None:
+    """White of one camera less black of another of more bits: no capture had either."""
+    folder = Path(shutil.copytree(project.path, tmp_path / "light", ignore=shutil.ignore_patterns("results")))
+    edit_json(folder / "project.json", captures=["captures/plane+15"])
+    before = rig_light(read_project(folder))
+    for frame in read_capture(folder / "captures" / "plane+15", project).frames:
+        if frame.camera == "right":
+            cv2.imwrite(str(frame.path), read_image(frame.path).astype(np.uint16) * 16)
+    light = rig_light(read_project(folder))
+    assert light == before
+    assert light.known_from[0] == "contrast, noise and blur from the capture plane+15"
 
 
 def test_a_capture_of_several_pairs_is_decoded_for_its_own_sake(project: Project, tmp_path: Path, edit_json) -> None:
