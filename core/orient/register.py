@@ -45,11 +45,8 @@ HUBER, GROSS = 2.0, 5.0  # sigmas, the residuals' own scatter among them
 FACING = 0.5  # cosine between normals of what may be one surface
 TILES = 8  # a side of the image; what remains within one may hang together
 STEP = 0.01  # px or lines, for a derivative
-POSE, CONTRADICTION, CHANCE = (
-    6,
-    1.6,
-    1e-3,
-)  # parameters; times as far as sigmas allow by chance: surfaces are known to a half
+POSE = 6  # parameters
+CONTRADICTION, CHANCE = 1.6, 1e-3  # times as far as sigmas allow by chance: surfaces are known to a half
 SLIDES = 0.25  # share of what seems to hold two surfaces that may be due to their noise
 
 

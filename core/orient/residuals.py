@@ -91,60 +91,69 @@ def blocks_of(phase: PhaseMap, most: int, tiles: int) -> tuple[Sight, int, float
     whole = np.isfinite(phase.u) & np.isfinite(phase.v) & np.isfinite(phase.sigma_u) & np.isfinite(phase.sigma_v)
     count = int(np.count_nonzero(whole))
     side = max(LEAST_BLOCK, int(np.sqrt(count / most) + 0.5))
-    h, w = (n // side for n in whole.shape)
-
-    def cut(image: NDArray) -> NDArray:
-        return image[: h * side, : w * side].reshape(h, side, w, side).swapaxes(1, 2).reshape(h, w, side * side)
-
-    y, x = (np.mgrid[:side, :side] - (side - 1) / 2).reshape(2, -1).astype(np.float32)
-    known, share = cut(whole), cut(whole).mean(axis=2)
-    aside = np.hypot(known @ x, known @ y) / side**2
-    rows, columns = np.nonzero((share > WHOLE) & (aside < ASIDE * side))
-    known, share = known[rows, columns], share[rows, columns]
-    square = max(float(x @ x), 1e-9)
-    planes = np.stack([np.full_like(x, side**-2.0), x / square, y / square], axis=1)  # mean and slopes of a block
-    shape = np.stack([np.ones_like(x), x, y])
-
-    def blocks(image: Floats) -> Floats:
-        return cut(image)[rows, columns]
-
-    def fitted(values: Floats) -> tuple[Array, Array]:
-        beside = values - values[:, :1]
-        rest = beside - (beside @ planes) @ shape
-        return (values @ planes).astype(np.float64), np.einsum("nk,nk->n", rest, rest).astype(np.float64) / side**2
-
-    (u, off_u), (v, off_v) = (fitted(_completed(blocks(image), known, shape)) for image in (phase.u, phase.v))
-    grey, off_grey = fitted(blocks(phase.image))
-    variance = np.stack([np.nanmean(blocks(s**2), axis=1) / share for s in (phase.sigma_u, phase.sigma_v)], axis=1)
-    variance = variance.astype(np.float64)
+    blocks = _Blocks(whole, side)
+    (u, off_u), (v, off_v) = (blocks.fitted(blocks.completed(image)) for image in (phase.u, phase.v))
+    grey, off_grey = blocks.fitted(blocks.of(phase.image))
+    sigmas = phase.sigma_u, phase.sigma_v
+    variance = np.stack([np.nanmean(blocks.of(s**2), axis=1) / blocks.share for s in sigmas], axis=1).astype(np.float64)
     smooth = (np.stack([off_u, off_v], axis=1) < np.maximum(CREASED**2 * variance, STEPPED**2)).all(axis=1)
     slopes = np.stack([u[:, 1:], v[:, 1:]], axis=1)
     steep = np.linalg.norm(slopes, axis=(1, 2))
     if smooth.any():
         smooth &= steep < GRAZING * median_of(steep[smooth])
     blurred = np.asarray(cv2.GaussianBlur(phase.image, (0, 0), SMOOTH_PX), np.float32)
-    grey_slopes = _slopes(grey[:, 1:], (blocks(blurred) @ planes[:, 1:]).astype(np.float64), off_grey, side, square)
+    grey_slopes = _slopes(grey[:, 1:], blocks.fitted(blocks.of(blurred))[0][:, 1:], off_grey, side, blocks.square)
     with np.errstate(invalid="ignore", divide="ignore"):
         pull = np.einsum("nki,ni->nk", slopes, grey_slopes / grey[:, :1])
     tile = max(float(np.sqrt(count / tiles)) / side, 1.0)
-    pixels = np.stack([columns, rows], axis=1).astype(np.float64) * side + (side - 1) / 2
+    at = np.stack([blocks.rows, blocks.columns], axis=1)
+    pixels = at[:, ::-1].astype(np.float64) * side + (side - 1) / 2
     uv = np.stack([u[:, 0], v[:, 0]], axis=1)
     pull = np.nan_to_num(pull, posinf=0, neginf=0)
-    sight = Sight(np.stack([rows, columns], axis=1), pixels, uv, np.sqrt(variance) / side, slopes, pull)
+    sight = Sight(at, pixels, uv, np.sqrt(variance) / side, slopes, pull)
     return sight.only(np.asarray(smooth)), side, tile
 
 
-def _completed(values: Floats, known: NDArray[np.bool_], shape: Floats) -> Floats:
-    """Put pixels that blocks (n, k) lack where the plane through the others of their block has them."""
-    lacking = np.flatnonzero(~known.all(axis=1))
-    there = known[lacking].astype(np.float32)
-    own = np.where(known[lacking], values[lacking], 0)
-    middle = own.sum(axis=1, keepdims=True) / there.sum(axis=1, keepdims=True)
-    N = np.einsum("nk,ik,jk->nij", there, shape, shape)
-    plane = np.linalg.solve(N, np.einsum("nk,ik->ni", there * (own - middle), shape)[..., None])[..., 0]
-    completed = values.copy()
-    completed[lacking] = np.where(known[lacking], own, middle + plane @ shape)
-    return completed
+class _Blocks:
+    """Square blocks of an image, of those that have coordinates in nearly all their pixels, (n, k)."""
+
+    def __init__(self, whole: NDArray[np.bool_], side: int) -> None:
+        self.side = side
+        y, x = (np.mgrid[:side, :side] - (side - 1) / 2).reshape(2, -1).astype(np.float32)
+        self.square = max(float(x @ x), 1e-9)
+        self._planes = np.stack([np.full_like(x, side**-2.0), x / self.square, y / self.square], axis=1)
+        self._shape = np.stack([np.ones_like(x), x, y])
+        known = self._cut(whole)
+        share, aside = known.mean(axis=2), np.hypot(known @ x, known @ y) / side**2
+        self.rows, self.columns = np.nonzero((share > WHOLE) & (aside < ASIDE * side))
+        self._known, self.share = known[self.rows, self.columns], share[self.rows, self.columns]
+
+    def _cut(self, image: NDArray) -> NDArray:
+        side, (h, w) = self.side, (n // self.side for n in image.shape)
+        return image[: h * side, : w * side].reshape(h, side, w, side).swapaxes(1, 2).reshape(h, w, side * side)
+
+    def of(self, image: Floats) -> Floats:
+        """The pixels of the blocks."""
+        return self._cut(image)[self.rows, self.columns]
+
+    def completed(self, image: Floats) -> Floats:
+        """The same, pixels that are lacking where the plane through the others of their block has them."""
+        values = self.of(image)
+        lacking = np.flatnonzero(~self._known.all(axis=1))
+        there = self._known[lacking].astype(np.float32)
+        own = np.where(self._known[lacking], values[lacking], 0)
+        middle = own.sum(axis=1, keepdims=True) / there.sum(axis=1, keepdims=True)
+        N = np.einsum("nk,ik,jk->nij", there, self._shape, self._shape)
+        plane = np.linalg.solve(N, np.einsum("nk,ik->ni", there * (own - middle), self._shape)[..., None])[..., 0]
+        values[lacking] = np.where(self._known[lacking], own, middle + plane @ self._shape)
+        return values
+
+    def fitted(self, values: Floats) -> tuple[Array, Array]:
+        """Planes of values (n, k): mean and slopes (n, 3); and the mean square of what they leave (n,)."""
+        beside = values - values[:, :1]
+        rest = beside - (beside @ self._planes) @ self._shape
+        square = np.einsum("nk,nk->n", rest, rest).astype(np.float64) / self.side**2
+        return (values @ self._planes).astype(np.float64), square
 
 
 def _slopes(sharp: Array, smooth: Array, off: Array, side: int, square: float) -> Array:

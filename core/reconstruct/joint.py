@@ -389,18 +389,19 @@ def by_calibration(scene: Scene, calibration: PhotogrammetricCalibration, which:
     directions = scene.directions(at)
     terms = scene.terms(at, directions, depths)
     per = terms.w * terms.J / np.sum(terms.w * terms.J**2, axis=1)[:, None]
-    G = np.empty((len(some), 3, len(uncertain)))
+
+    def points(scene: Scene, directions: Array, depths: Array) -> Array:
+        found = directions / depths[:, None]
+        return found if scene.along == "camera" else scene.devices[scene.camera].from_base.inverse().apply(found)
+
+    start, G = points(scene, directions, depths), np.empty((len(some), 3, len(uncertain)))
     for k, parameter in enumerate(uncertain):
         step = np.zeros(len(C))
-        step[parameter] = np.sqrt(C[parameter, parameter])
-        ends = []
-        for sign in (1, -1):
-            there = replace(scene, devices=moved(scene.devices, calibration, sign * step))
-            turned = there.directions(at)
-            depth = depths + np.sum(per * (there.terms(at, turned, depths).r - terms.r), axis=1)
-            points, device = turned / depth[:, None], there.devices[there.camera]
-            ends.append(points if scene.along == "camera" else device.from_base.inverse().apply(points))
-        G[:, :, k] = (ends[0] - ends[1]) / (2 * step[parameter])
+        step[parameter] = np.sqrt(C[parameter, parameter])  # so little that one side of it tells the slope
+        there = replace(scene, devices=moved(scene.devices, calibration, step))
+        turned = there.directions(at)
+        depth = depths + np.sum(per * (there.terms(at, turned, depths).r - terms.r), axis=1)
+        G[:, :, k] = (points(there, turned, depth) - start) / step[parameter]
     variance = np.maximum(np.einsum("nik,kl,nil->ni", G, C[np.ix_(uncertain, uncertain)], G), 0.0)
     sound = np.isfinite(variance).all(axis=1)
     if not sound.any():

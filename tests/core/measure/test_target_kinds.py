@@ -103,7 +103,7 @@ def test_an_unknown_name_is_refused_with_those_known(quick: Path, key: str) -> N
     for work in (measure_project, guess_picks):
         for picks in quick.glob("captures/testfield-*/picks.json") if work is guess_picks else ():
             picks.unlink()
-        with pytest.raises(InputError, match=f"testfield-01: .*{key} of targets is 'stars'.*{known}"):
+        with pytest.raises(InputError, match=rf"testfield\.csv: .*{key} of targets is 'stars'.*{known}"):
             work(read_project(quick))
 
 
