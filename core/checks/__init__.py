@@ -4,7 +4,10 @@ Every check gives concerns (`core.model.Concern`): a state and one sentence with
 remedy. The state of a verdict is that of its worst concern.
 
 network.py   the bundle adjustment: chi-square test, systematic residuals, gross errors, nominal values
+forms.py     ... what the images of each device say of what was not adjusted: both of the next
 lens.py      ... whether its lens models have the right form
+changed.py   ... whether c or the board was another one from some image on
+lacking.py   terms that were not adjusted, from what residuals show of them
 weights.py   ... sigmas of its images, and of both axes, against each other
 given.py     ... a network against what its files give: known points and lengths, units, pixels, stations
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.checks.lens import lens_concerns
+from core.checks.forms import form_concerns
 from core.geometry.lens import lens_of
 from core.model import AdjustedDevice, Adjustment, Array, Concern, DeviceSpec
 from core.numerics import chi_square_limit, distinct, median_of, nearest, normal_limit, sigma_by_median
@@ -48,7 +48,7 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
         failed = any(c.state == "failed" for c in squares)
         gross = [replace(c, state="failed") if failed and c.about == "blunders" else c for c in adjustment.doubts]
         return [*known, *gross, *squares, *_systematic(adjustment), *_rejected(rejected or {})]
-    systematic = [*_systematic(adjustment), *lens_concerns(adjustment)]
+    systematic = [*_systematic(adjustment), *form_concerns(adjustment)]
     return [*known, *squares, *systematic, *_rejected(rejected or {}), *adjustment.doubts]
 
 

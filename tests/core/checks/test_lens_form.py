@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.calibrate import calibrate_photogrammetric
-from core.checks.lens import lacking_term, lens_concerns
+from core.checks.forms import form_concerns, lacking_terms
 from core.geometry import ray_directions
 from core.model import Adjustment
 from tests.core.checks.rigs import RIGS, Project, simulate
@@ -40,7 +40,7 @@ def off_at_rim(p: Project, adjustment: Adjustment) -> float:
 def test_a_radial_term_that_the_model_lacks_is_told_with_what_it_changes(name: str, seed: int, seventh: float) -> None:
     p = simulate(name, 40 + seed, poses=14, seventh=seventh)
     adjustment = adjusted(p)
-    (concern,) = lens_concerns(adjustment)
+    (concern,) = form_concerns(adjustment)
     assert concern.state == "doubtful"
     found = re.match(r"camera: the lens model lacks a radial term .* and by (\S+) elsewhere", concern.text)
     assert found is not None
@@ -50,18 +50,18 @@ def test_a_radial_term_that_the_model_lacks_is_told_with_what_it_changes(name: s
 @pytest.mark.parametrize("seed", range(8))
 def test_lenses_of_the_models_form_are_not_accused(seed: int) -> None:
     p = simulate(("paper", "modern")[seed % 2], 60 + seed, vary=True, honest=1.3)
-    assert lens_concerns(adjusted(p)) == []
+    assert form_concerns(adjusted(p)) == []
 
 
 def test_images_without_noise_and_devices_that_were_held_tell_nothing() -> None:
     adjustment = adjusted(simulate("paper", 41))
     camera = adjustment.devices["camera"]
     exact = replace(adjustment, residuals=np.zeros_like(adjustment.residuals))
-    assert lens_concerns(exact) == []
-    assert lacking_term(adjustment, "camera", replace(camera, sigma=np.zeros_like(camera.sigma))) is None
+    assert form_concerns(exact) == []
+    assert lacking_terms(adjustment, "camera", replace(camera, sigma=np.zeros_like(camera.sigma))) is None
     lost = adjustment.residuals.copy()
     lost[::5] = lost[::3, 1] = np.nan
-    assert lens_concerns(replace(adjustment, residuals=lost)) == []
+    assert form_concerns(replace(adjustment, residuals=lost)) == []
     few = adjustment.network.observation_station != 0
     few[np.flatnonzero(~few)[:2]] = True  # a station of two points
     network = replace(
@@ -72,4 +72,4 @@ def test_images_without_noise_and_devices_that_were_held_tell_nothing() -> None:
             if key.startswith("observation_")
         },
     )
-    assert lens_concerns(replace(adjustment, network=network, residuals=adjustment.residuals[few])) == []
+    assert form_concerns(replace(adjustment, network=network, residuals=adjustment.residuals[few])) == []

@@ -1,0 +1,127 @@
+"""Terms that were not adjusted, estimated from what the images of one device leave; nothing is adjusted anew.
+
+With poses and points free, and the device's own parameters, what remains of a term's column is orthogonal to all of
+them: the residuals' part along it is the term, with its sigma (the score test of Rao, doi:10.1017/S0305004100023987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from core.geometry import Projection, project_with_derivatives
+from core.lazy import dataclass
+from core.model import AdjustedDevice, Adjustment, Array, Ints
+from core.numerics import distinct
+
+FEWEST, MOST = 50, 800  # redundancy that tells a term; points, and stations, that are worth it
+POSE, POSED = 6, 4  # parameters; points that tell them
+TINY = 1e-300
+RIDGE = 1e-12  # of the mean diagonal: for movements of all points, which poses make, too
+
+# of an image, by its number of so many: projection, points in the object's and in the device's frame; (m, 2, e) px
+Terms = Callable[[int, int, Projection, Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class Lacking:
+    """What e terms would be, each by itself, beside the k parameters of a device that were estimated."""
+
+    free: Ints  # (k,), of the device's parameters
+    stations: Ints  # whose images are looked at, in their order
+    images: Array  # (m, 2, k + e): how they change with parameters and terms, px
+    rest: Array  # (e + 1, e + 1): normal equations of terms and residuals without all else, of columns of unit length
+    made_up: Array  # (k, e): what parameters make of the terms
+    unit: Array  # (k + e + 1,), lengths of the columns
+    redundancy: int
+
+    def amount(self, term: int) -> float:
+        """The term, in its unit."""
+        rest, k = self.rest, len(self.free)
+        return float(rest[term, -1] / max(rest[term, term], TINY) * self.unit[-1] / self.unit[k + term])
+
+    def sigmas(self, term: int) -> float:
+        """The term over its standard deviation by the residuals; of computed images these are rounding alone."""
+        variance = float(self.rest[term, term] * self.rest[-1, -1]) / self.redundancy
+        return float(self.rest[term, -1] / np.sqrt(max(variance, TINY)))
+
+    def by_parameters(self, term: int) -> Array:
+        """What the parameters (k,) take up of one unit of the term, where it is not adjusted."""
+        k = len(self.free)
+        return np.asarray(self.made_up[:, term] * self.unit[k + term] / self.unit[:k])
+
+
+def lacking(adjustment: Adjustment, name: str, device: AdjustedDevice, terms: Terms) -> Lacking | None:
+    """Hold terms against the residuals of a device's images; None if nothing tells."""
+    network, free = adjustment.network, np.flatnonzero(device.sigma > 0)
+    own, k = np.flatnonzero(network.made_by[name]), len(free)
+    of_station = network.observation_station[own]
+    stations = [own[of_station == s] for s in distinct(of_station) if np.count_nonzero(of_station == s) >= POSED]
+    if not k or not stations or len(stations) > MOST:
+        return None
+    used = np.concatenate(stations)
+    points, count = distinct(network.observation_point[used]), np.count_nonzero(np.isfinite(adjustment.residuals[used]))
+    redundancy = int(count) - POSE * len(stations) - 3 * len(points) - k
+    if redundancy < FEWEST or len(points) > MOST:
+        return None
+    normal, images = _equations(adjustment, device, free, stations, points, terms)
+    size = 3 * len(points)
+    normal[:size, :size].flat[:: size + 1] += RIDGE * np.trace(normal[:size, :size]) / size
+    left = normal[size:, size:] - normal[size:, :size] @ np.linalg.solve(normal[:size, :size], normal[:size, size:])
+    unit = np.sqrt(np.maximum(np.diag(normal)[size:], TINY))
+    left /= np.outer(unit, unit)
+    made_up = np.linalg.lstsq(left[:k, :k], left[:k, k:], rcond=1e-12)[0]
+    rest = left[k:, k:] - left[k:, :k] @ made_up
+    shown = network.observation_station[[some[0] for some in stations]]
+    return Lacking(free, shown, images, rest, np.asarray(made_up[:, :-1], np.float64), unit, redundancy)
+
+
+def _equations(
+    adjustment: Adjustment,
+    device: AdjustedDevice,
+    free: Ints,
+    stations: Sequence[Ints],
+    points: Ints,
+    terms: Terms,
+) -> tuple[Array, Array]:
+    """Normal equations of a device's images without their poses: of points, parameters, terms and residuals.
+
+    `stations` are the observations of each. Also how the images (m, 2, k + e) change with parameters and terms.
+    """
+    network, size = adjustment.network, 3 * len(points)
+    images, of_poses = [], []
+    of_points = np.zeros((len(points), 3, 3))
+    mixed, of_others = np.zeros((len(points), 3, 0)), np.zeros((0, 0))
+    for number, some in enumerate(stations):
+        xyz, pose = (
+            adjustment.points_mm[network.observation_point[some]],
+            adjustment.station_from_object[network.observation_station[some[0]]],
+        )
+        found = project_with_derivatives(device.spec, device.interior, xyz, pose)
+        more = terms(number, len(stations), found, xyz, pose.apply(xyz))
+        images.append(np.concatenate([found.by_interior[..., free], more], axis=-1))
+        residuals = adjustment.residuals[some]
+        weight = np.where(np.isfinite(residuals), 1 / network.observation_sigma[some], 0)[..., None]
+        columns = found.by_pose, found.by_point, np.concatenate([images[-1], residuals[..., None]], axis=-1)
+        by_pose, by_point, by_others = (np.nan_to_num(each * weight) for each in columns)
+        width = by_others.shape[2]
+        if not number:
+            mixed, of_others = np.zeros((len(points), 3, width)), np.zeros((width, width))
+        at = np.searchsorted(points, network.observation_point[some])
+        of_points[at] += np.einsum("nia,nib->nab", by_point, by_point)
+        mixed[at] += by_point.swapaxes(1, 2) @ by_others
+        flat = by_others.reshape(-1, width)
+        of_others += flat.T @ flat
+        Q, of_pose = np.linalg.qr(by_pose.reshape(-1, POSE))[0], np.zeros((POSE, size + width))
+        of_pose[:, :size].reshape(POSE, -1, 3)[:, at] = np.einsum("nic,nia->cna", Q.reshape(by_pose.shape), by_point)
+        of_pose[:, size:] = Q.T @ flat
+        of_poses.append(of_pose)
+    eliminated = np.concatenate(of_poses)
+    normal = -eliminated.T @ eliminated
+    row = np.arange(size).reshape(-1, 3)
+    normal[row[:, :, None], row[:, None]] += of_points
+    normal[:size, size:] += mixed.reshape(size, -1)
+    normal[size:, :size] += mixed.reshape(size, -1).T
+    normal[size:, size:] += of_others
+    return normal, np.concatenate(images)
