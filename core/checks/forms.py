@@ -13,8 +13,8 @@ from core.model import AdjustedDevice, Adjustment, Array, Concern
 
 def form_concerns(adjustment: Adjustment) -> list[Concern]:
     """H0: what was adjusted is of the right form, for every device, and the same in all images."""
-    concerns = []
-    for name, device in adjustment.devices.items():
+    concerns: list[Concern] = []
+    for name, device in adjustment.devices.items() if len(adjustment.points_mm) else ():
         found = lacking_terms(adjustment, name, device)
         if found is not None:
             concerns += change_concerns(adjustment, name, device, found, len(POWERS))

@@ -56,6 +56,12 @@ def test_a_lens_that_is_refocused_is_told_with_the_image_and_by_how_much() -> No
     assert found[2] == simulated.network.station_names[SINCE].rpartition("/")[0]
 
 
+def test_an_adjustment_without_points_tells_nothing() -> None:
+    """As in the place of one that another program made."""
+    found = adjust(made(1).network)
+    assert form_concerns(replace(found, points_mm=np.zeros((0, 3)))) == []
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_images_that_are_alike_are_not_accused(seed: int) -> None:
     assert form_concerns(adjust(made(seed).network)) == []
