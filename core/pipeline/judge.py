@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from math import ceil, sqrt
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from core.checks.planes import Form
 
 BENT_BY = 150  # pixels tell how a calibration's errors bend a plane
+MOST_PIXELS, PATCH_PX = 500_000, 96  # that are found in another camera's image; side of a patch
 PLACES = 1000  # means of pixels that tell whether a rig has moved so far that it matters to points
 OFF_EPIPOLAR = 1.2  # r.m.s. epipolar residuals over what the noise leaves; less matters to points in depth alone
 OFF_IN_DEPTH = 4.0  # standard deviations of a change of depth; by chance once in 16,000 captures
@@ -199,8 +201,17 @@ def said_of(
         for own, other in combinations(phases, 2):
             if own.projector == other.projector and {own.camera, other.camera} <= set(calibration.devices):
                 pair = pair_of(calibration, own.camera, other.camera)
-                moved += _moved(seen_by_other(own, other), pair, capture.name)
+                moved += _moved(seen_by_other(_in_patches(own), other), pair, capture.name)
     return tuple(dict.fromkeys([*said, *moved]))
+
+
+def _in_patches(phase: PhaseMap) -> PhaseMap:
+    """Keep patches of a large image, spread over it: to find all its pixels in another one takes long."""
+    n = ceil(sqrt(np.count_nonzero(np.isfinite(phase.u) & np.isfinite(phase.v)) / MOST_PIXELS))
+    if n < 2:
+        return phase
+    row, column = (np.arange(size) // PATCH_PX % n == 0 for size in phase.u.shape)
+    return replace(phase, u=np.where(row[:, None] & column, phase.u, np.float32(np.nan)))
 
 
 def _moved(phase: PhaseMap, calibration: PhotogrammetricCalibration | Pair, capture: str) -> tuple[str, ...]:

@@ -396,8 +396,13 @@ def test_points_of_cameras_alone_are_not_doubted_for_the_projector(project: Proj
     )
 
 
-def test_what_moved_between_the_cameras_images_is_told_though_each_of_them_fits_the_projector(project: Project) -> None:
+@pytest.mark.parametrize("most", [500_000, 10_000], ids=["all pixels", "patches"])
+def test_what_moved_between_the_cameras_images_is_told_though_each_of_them_fits_the_projector(
+    project: Project, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Left took the plane before it was turned, right after it: the points, of both, were in no doubt."""
+    monkeypatch.setattr("core.pipeline.judge.MOST_PIXELS", most)
+    monkeypatch.setattr("core.pipeline.judge.PATCH_PX", 32)
     found = load_calibrations(project)["photogrammetric"]
     captures = [read_capture(project.path / "captures" / f"plane+{angle}", project) for angle in ("00", "15")]
     (left, _), (_, right) = ([phase for _, phase in phase_maps(project, [each])] for each in captures)
