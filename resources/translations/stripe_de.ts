@@ -4051,6 +4051,13 @@ Streifenprojektoren dekodieren, kalibrieren, rekonstruieren und beurteilen.
     </message>
 </context>
 <context>
+    <name>VerdictList</name>
+    <message>
+        <source>Verdicts</source>
+        <translation>Urteile</translation>
+    </message>
+</context>
+<context>
     <name>Volume</name>
     <message>
         <source>distance [mm]</source>

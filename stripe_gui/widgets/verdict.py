@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QWidget
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QFrame, QScrollArea, QSizePolicy
 
 from core.model import Verdict
 from stripe_gui.presenters.told import sentence, told, translate
-from stripe_gui.widgets.layout import column, emptied, label, row
+from stripe_gui.widgets.layout import boxed, column, emptied, label, row
 from stripe_gui.widgets.notice import COLOURS, Sign
 
 KINDS = {"passed": "success", "doubtful": "warning", "failed": "error"}  # of a notice, whose sign and colours it takes
+HIGHEST = 220  # px: three or four verdicts with their reasons
 ORDER = ("failed", "doubtful", "passed")
 
 
@@ -46,13 +48,19 @@ class VerdictBox(QFrame):
         self.setLayout(inside)
 
 
-class VerdictList(QWidget):
-    """Verdicts below each other, what failed first; takes no room where there is nothing to say."""
+class VerdictList(QScrollArea):
+    """Verdicts below each other, what failed first; many are scrolled, and none takes no room."""
 
     def __init__(self) -> None:
         super().__init__()
         self._rows = column(spacing=6)
-        self.setLayout(self._rows)
+        held = boxed(self._rows)
+        held.installEventFilter(self)
+        self.setWidget(held)
+        self.setWidgetResizable(True)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.setAccessibleName(self.tr("Verdicts"))
         self.boxes: list[VerdictBox] = []
         self.hide()
 
@@ -62,4 +70,21 @@ class VerdictList(QWidget):
         self.boxes = [VerdictBox(verdict, of) for of, verdict in found]
         for box in self.boxes:
             self._rows.addWidget(box)
+        self.verticalScrollBar().setValue(0)
         self.setVisible(bool(self.boxes))
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802
+        if event.type() == QEvent.Type.LayoutRequest:  # verdicts have come or gone
+            self._fit()
+        return super().eventFilter(watched, event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Be as high as the words are in this width, up to a height that leaves room for the figures."""
+        wanted = max(0, self._rows.totalHeightForWidth(self.viewport().width()))
+        self.setFixedHeight(min(wanted, HIGHEST))
+        scrolls = wanted > HIGHEST  # by keys, too
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus if scrolls else Qt.FocusPolicy.NoFocus)

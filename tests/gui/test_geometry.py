@@ -128,6 +128,21 @@ def test_undo_and_redo_stand_under_edit(window) -> None:
     assert menus["menu.edit"] == ["edit.undo", "edit.redo"]
 
 
+def test_many_verdicts_are_scrolled_and_each_can_be_read(qtbot) -> None:
+    """Eleven doubtful planes were squeezed into as many empty frames."""
+    shown = VerdictList()
+    qtbot.addWidget(shown)
+    shown.resize(700, 100)
+    shown.show_verdicts({f"plane {k}": Verdict("doubtful", (f"reason {k} " * 30,)) for k in range(11)})
+    qtbot.waitUntil(lambda: shown.verticalScrollBar().maximum() > 0)
+    assert shown.height() < 300
+    assert all(box.height() >= box.heightForWidth(box.width()) for box in shown.boxes)
+    assert shown.focusPolicy() != Qt.FocusPolicy.NoFocus
+    shown.show_verdicts({"plane": Verdict("doubtful", ("one reason",))})
+    qtbot.waitUntil(lambda: shown.verticalScrollBar().maximum() == 0)
+    assert shown.height() == shown.boxes[0].heightForWidth(shown.boxes[0].width())
+
+
 def test_what_failed_stands_first_and_is_red(qtbot) -> None:
     shown = VerdictList()
     qtbot.addWidget(shown)
