@@ -12,13 +12,19 @@ import numpy as np
 from core.checks.lacking import Lacking
 from core.geometry import Projection
 from core.geometry.lens import lens_of
-from core.model import AdjustedDevice, Adjustment, Array, Concern
+from core.model import AdjustedDevice, Adjustment, Array, Concern, Ints
+from core.numerics import spaced
 
 SIGNIFICANT = 6.0  # sigmas of a change: of 590 devices whose images were alike 3.4 at most
 MATTERS = 1.0  # sigmas, by which it puts a parameter off
-LEAST = 3  # images before and after
+LEAST, MOST = 3, 24  # images before and after; of which so many are tried, spread over all
 FORMS = 4  # that change: c, and three bends of the object
 TOLD = 1e-6  # square of a term, beside what all else makes of it
+
+
+def tried(count: int) -> Ints:
+    """Numbers of the images, of so many, from which on something may be another one."""
+    return spaced(count - 2 * LEAST + 1, MOST) + LEAST if count >= 2 * LEAST else np.zeros(0, np.int64)
 
 
 def changes(adjustment: Adjustment) -> Callable[[int, int, Projection, Array], Array]:
@@ -31,7 +37,7 @@ def changes(adjustment: Adjustment) -> Callable[[int, int, Projection, Array], A
         a, b = ((xyz - middle) @ axes[:2].T / half).T
         bent = found.by_point @ axes[2]
         each = np.stack([found.by_interior[..., 0], *(bent * form[:, None] for form in (a * a, a * b, b * b))], axis=-1)
-        after = np.arange(LEAST, count - LEAST + 1) <= number
+        after = tried(count) <= number
         return np.asarray((each[..., None, :] * after[:, None]).reshape(*each.shape[:2], -1))
 
     return terms
@@ -53,7 +59,7 @@ def change_concerns(
     if sigmas < SIGNIFICANT or off.max() < MATTERS:
         return []
     image, form = divmod(worst - first, FORMS)
-    station = adjustment.network.station_names[found.stations[LEAST + image]]
+    station = adjustment.network.station_names[found.stations[tried(len(found.stations))[image]]]
     parameter = lens_of(device.interior).keys[found.free[int(np.argmax(off))]]
     since = f"from {station.rpartition('/')[0] or station} on ({sigmas:.2g} sigmas)"
     if form == 0:

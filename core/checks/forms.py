@@ -29,4 +29,4 @@ def lacking_terms(adjustment: Adjustment, name: str, device: AdjustedDevice) -> 
     def terms(number: int, count: int, found: Projection, xyz: Array, seen: Array) -> Array:
         return np.concatenate([radial(device, seen), since(number, count, found, xyz)], axis=-1)
 
-    return lacking(adjustment, name, device, terms)
+    return lacking(adjustment, name, device, terms, len(POWERS))

@@ -30,7 +30,7 @@ class Lacking:
 
     free: Ints  # (k,), of the device's parameters
     stations: Ints  # whose images are looked at, in their order
-    images: Array  # (m, 2, k + e): how they change with parameters and terms, px
+    images: Array  # (m, 2, k + n): how they change with parameters and the first n terms, px
     rest: Array  # (e + 1, e + 1): normal equations of terms and residuals without all else, of columns of unit length
     made_up: Array  # (k, e): what parameters make of the terms
     unit: Array  # (k + e + 1,), lengths of the columns
@@ -52,8 +52,11 @@ class Lacking:
         return np.asarray(self.made_up[:, term] * self.unit[k + term] / self.unit[:k])
 
 
-def lacking(adjustment: Adjustment, name: str, device: AdjustedDevice, terms: Terms) -> Lacking | None:
-    """Hold terms against the residuals of a device's images; None if nothing tells."""
+def lacking(adjustment: Adjustment, name: str, device: AdjustedDevice, terms: Terms, shown: int) -> Lacking | None:
+    """Hold terms against the residuals of a device's images, of the first of which images are `shown`.
+
+    None if nothing tells.
+    """
     network, free = adjustment.network, np.flatnonzero(device.sigma > 0)
     own, k = np.flatnonzero(network.made_by[name]), len(free)
     of_station = network.observation_station[own]
@@ -65,7 +68,7 @@ def lacking(adjustment: Adjustment, name: str, device: AdjustedDevice, terms: Te
     redundancy = int(count) - POSE * len(stations) - 3 * len(points) - k
     if redundancy < FEWEST or len(points) > MOST:
         return None
-    normal, images = _equations(adjustment, device, free, stations, points, terms)
+    normal, images = _equations(adjustment, device, free, stations, points, terms, shown)
     size = 3 * len(points)
     normal[:size, :size].flat[:: size + 1] += RIDGE * np.trace(normal[:size, :size]) / size
     left = normal[size:, size:] - normal[size:, :size] @ np.linalg.solve(normal[:size, :size], normal[:size, size:])
@@ -73,8 +76,8 @@ def lacking(adjustment: Adjustment, name: str, device: AdjustedDevice, terms: Te
     left /= np.outer(unit, unit)
     made_up = np.linalg.lstsq(left[:k, :k], left[:k, k:], rcond=1e-12)[0]
     rest = left[k:, k:] - left[k:, :k] @ made_up
-    shown = network.observation_station[[some[0] for some in stations]]
-    return Lacking(free, shown, images, rest, np.asarray(made_up[:, :-1], np.float64), unit, redundancy)
+    numbers = network.observation_station[[some[0] for some in stations]]
+    return Lacking(free, numbers, images, rest, np.asarray(made_up[:, :-1], np.float64), unit, redundancy)
 
 
 def _equations(
@@ -84,10 +87,11 @@ def _equations(
     stations: Sequence[Ints],
     points: Ints,
     terms: Terms,
+    shown: int,
 ) -> tuple[Array, Array]:
     """Normal equations of a device's images without their poses: of points, parameters, terms and residuals.
 
-    `stations` are the observations of each. Also how the images (m, 2, k + e) change with parameters and terms.
+    `stations` are the observations of each. Also how the images (m, 2, k + n) change with parameters and terms shown.
     """
     network, size = adjustment.network, 3 * len(points)
     images, of_poses = [], []
@@ -100,10 +104,11 @@ def _equations(
         )
         found = project_with_derivatives(device.spec, device.interior, xyz, pose)
         more = terms(number, len(stations), found, xyz, pose.apply(xyz))
-        images.append(np.concatenate([found.by_interior[..., free], more], axis=-1))
+        by_all = np.concatenate([found.by_interior[..., free], more], axis=-1)
+        images.append(by_all[..., : len(free) + shown])
         residuals = adjustment.residuals[some]
         weight = np.where(np.isfinite(residuals), 1 / network.observation_sigma[some], 0)[..., None]
-        columns = found.by_pose, found.by_point, np.concatenate([images[-1], residuals[..., None]], axis=-1)
+        columns = found.by_pose, found.by_point, np.concatenate([by_all, residuals[..., None]], axis=-1)
         by_pose, by_point, by_others = (np.nan_to_num(each * weight) for each in columns)
         width = by_others.shape[2]
         if not number:
