@@ -54,7 +54,7 @@ test: setup
 # rooms of which few tests need a rendered project, and the rules of the house; without what takes longest there
 QUICK := tests/test_architecture.py tests/core/geometry tests/core/patterns tests/core/numerics tests/core/decode \
 	tests/core/reconstruct tests/core/evaluate tests/core/project tests/core/test_api.py \
-	$(addprefix --ignore=tests/core/decode/test_,dense_words.py estimate.py response.py) \
+	$(addprefix --ignore=tests/core/decode/test_,beats.py dense_words.py detours.py estimate.py flicker.py response.py) \
 	--ignore=tests/core/reconstruct/test_texture.py
 
 quick: setup
