@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious
+from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, critical
 from core.checks.weights import uneven_sigmas
 from core.digits import unit_hint
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, Network, NetworkScale
-from core.numerics import chi_square_limit, nearest, normal_limit
+from core.numerics import nearest, normal_limit
 
 OTHER_SCALE = 2.0  # nobody's approximate coordinates are so wrong
 UNLIKE_SCALE, KEPT = 0.05, 2.0  # where they keep their shape: prints that are fitted to the page shrink by less; times
@@ -144,7 +144,7 @@ def _known(adjustment: Adjustment) -> list[Concern]:
 def _beyond(ratio: Array, redundancy: Array) -> bool:
     """Whether what coordinates are off, over their sigmas, is more than their redundancies allow."""
     freedom = float(redundancy.sum())
-    return freedom > 1 and float(np.sum(ratio**2)) > DOUBTFUL_RATIO**2 * chi_square_limit(freedom, LEVEL)
+    return freedom > 1 and float(np.sum(ratio**2)) > freedom * critical(freedom)
 
 
 def _exchanged(adjustment: Adjustment) -> list[Concern]:

@@ -87,7 +87,7 @@ def factors(adjustment: Adjustment) -> dict[str, tuple[float, float]]:
     return result
 
 
-def _critical(redundancy: float) -> float:
+def critical(redundancy: float) -> float:
     """Variance factor beyond which the sigmas given, times `DOUBTFUL_RATIO`, do not explain the residuals."""
     return DOUBTFUL_RATIO**2 * chi_square_limit(redundancy, LEVEL) / redundancy
 
@@ -96,15 +96,15 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
     """H0: residuals are at most `DOUBTFUL_RATIO` times what the sigmas given allow."""
     concerns = []
     for name, (factor, redundancy) in factors(adjustment).items():
-        critical, ratio = _critical(redundancy), float(np.sqrt(factor))
+        limit, ratio = critical(redundancy), float(np.sqrt(factor))
         if ratio < ANOTHER_UNIT and redundancy > 10:
             text = f"{name}: residuals are {ratio:.2g} times what the sigmas of its observations allow: another unit?"
             concerns.append(Concern("doubtful", text))
-        if factor <= critical:
+        if factor <= limit:
             continue
         text = (
             f"{name}: residuals are {ratio:.3g} times what the sigmas of its observations allow (chi-square test, "
-            f"variance factor {factor:.3g}; up to {critical:.3g} is what sigmas known to a half explain): "
+            f"variance factor {factor:.3g}; up to {limit:.3g} is what sigmas known to a half explain): "
         )
         worst = _worst_station(adjustment, name)
         text += f"{worst}; " if worst else ""
@@ -154,7 +154,7 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
     Where the chi-square test rejects them, too, the model is contradicted: no sigma of the results holds.
     """
     network, concerns = adjustment.network, []
-    beyond = {name for name, (factor, redundancy) in factors(adjustment).items() if factor > _critical(redundancy)}
+    beyond = {name for name, (factor, redundancy) in factors(adjustment).items() if factor > critical(redundancy)}
     w = adjustment.residuals / network.observation_sigma
     for name, made in network.made_by.items():
         products: list[Array] = []

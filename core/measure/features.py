@@ -36,7 +36,7 @@ MOST_VAGUE_PX = 0.3  # standard deviation of a shape that is one
 LEAST_RADIUS_PX, FLATTEST, UNEVEN = 2.5, 0.3, 0.1  # of what is found: radius, ratio of axes, area off an ellipse's
 SURROUNDINGS, LEAST_CONTRAST = 6, 0.15  # share of the width whose median is the ground; of its light
 UNLIKE, OTHER = 0.1, 0.2  # of the step at an edge: what is farther off counts less, and not: a lit wall behind a hole
-BESIDE_PX, FAR_BESIDE_PX = 5, 9  # side of the square around each of these that is left out; and that tells no other
+BESIDE_PX, FAR_PX = 5, 9  # side of the square around each of these that is left out; that shows how far they reach
 SORTING = 3.0  # of the variance of half the difference: with it sorted axes of a circle hold their sigmas, in the mean
 OVEREXPOSED = "expose shorter, or with several exposures, until the surface around it is below full scale"
 NEAR_PX = 1e-7  # over which slopes are taken
@@ -188,14 +188,10 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
         limit = max(GROSS * sigma_by_median(fit.fun), OTHER * abs(fit.x[-2] * fit.x[k]))
         unlike = np.zeros(image.shape, np.uint8)
         unlike[tuple(at[np.abs(fit.fun) > limit].astype(int).T[::-1])] = 1
-        alike, surely = (
-            cv2.dilate(unlike, np.ones((beside, beside)))[tuple(at.astype(int).T[::-1])] == 0
-            for beside in (BESIDE_PX, FAR_BESIDE_PX)
-        )
+        alike = cv2.dilate(unlike, np.ones((BESIDE_PX, BESIDE_PX)))[tuple(at.astype(int).T[::-1])] == 0
         if np.count_nonzero(alike) < max(FEWEST_PIXELS, FEWEST_ALIKE * len(at)):
             raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
-        kept, at = surely[alike], at[alike]
-        chosen = (at, grey[alike], off[alike], Lay(*(each[alike] for each in lay)))
+        at, chosen = at[alike], (at[alike], grey[alike], off[alike], Lay(*(each[alike] for each in lay)))
         fit = least_squares(rest, fit.x, slopes, x_scale="jac", max_nfev=50, args=chosen)
         shape, lens = fit.x[:k], float(fit.x[-1])
     begun = edge.contour(edge.start)
@@ -206,6 +202,7 @@ def _seen(edge: Edge, image: Floats, where: str) -> tuple[Array, Array, float, i
     vague = np.sqrt(np.diagonal(cov)[:k].max()) > MOST_VAGUE_PX
     if not contrast > CONTRAST or vague or moved > MOST_MOVED * np.ptp(begun):
         raise InputError(where, "no such edge is seen there", "give its place and size to a few px")
+    kept = cv2.dilate(unlike, np.ones((FAR_PX, FAR_PX)))[tuple(at.astype(int).T[::-1])] == 0
     if not kept.all() and np.count_nonzero(kept) > FEWEST_PIXELS:  # light that is not alike reaches farther
         some = (*(each[kept] for each in chosen[:3]), Lay(*(each[kept] for each in chosen[3])))
         without = least_squares(rest, fit.x, slopes, x_scale="jac", max_nfev=50, args=some).x

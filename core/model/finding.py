@@ -148,9 +148,8 @@ class Concern:
 
     state: Literal["doubtful", "failed"]
     text: str
-    about: str = (
-        ""  #: what alone it tells of: a plane's capture, "blunders", "held", "rigid"; of lengths "board", "plates"
-    )
+    #: what alone it tells of: a plane's capture, "blunders", "held", "captures", "rigid"; of lengths "board", "plates"
+    about: str = ""
 
 
 UNJUDGED = Verdict("doubtful", ("not judged: made by another version of the program",))

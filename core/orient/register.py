@@ -20,14 +20,7 @@ from typing import Literal
 import numpy as np
 
 from core.errors import InputError
-from core.geometry import (
-    Pose,
-    cross_matrix,
-    pair_derivatives,
-    pair_for,
-    project,
-    rotation_vector_from_matrix,
-)
+from core.geometry import Pose, cross_matrix, pair_derivatives, pair_for, project, rotation_vector_from_matrix
 from core.lazy import dataclass
 from core.model import Array, Overlap, Pair, PhaseMap, PhotogrammetricCalibration, PointCloud, Registration, TargetSet
 from core.numerics import chi_square_limit, sigma_by_median
@@ -45,7 +38,6 @@ HUBER, GROSS = 2.0, 5.0  # sigmas, the residuals' own scatter among them
 FACING = 0.5  # cosine between normals of what may be one surface
 TILES = 8  # a side of the image; what remains within one may hang together
 STEP = 0.01  # px or lines, for a derivative
-POSE = 6  # parameters
 CONTRADICTION, CHANCE = 1.6, 1e-3  # times as far as sigmas allow by chance: surfaces are known to a half
 SLIDES = 0.25  # share of what seems to hold two surfaces that may be due to their noise
 
@@ -209,9 +201,9 @@ def apart(
     whole = one.covariance + two.covariance + J @ calibration.covariance @ J.T
     middle = views[0].cloud.xyz_mm[views[0].cloud.valid].mean(axis=0, dtype=float)
     for k, (name, a, b) in enumerate(zip(one.captures[1:], one.poses[1:], two.poses[1:], strict=True)):
-        C = whole[POSE * k :, POSE * k :][:POSE, :POSE]
+        C = whole[6 * k : 6 * k + 6, 6 * k : 6 * k + 6]
         off = np.append(rotation_vector_from_matrix(b.rotation @ a.rotation.T), b.translation_mm - a.translation_mm)
-        if off @ np.linalg.solve(C, off) > CONTRADICTION**2 * chi_square_limit(POSE, CHANCE):
+        if off @ np.linalg.solve(C, off) > CONTRADICTION**2 * chi_square_limit(6, CHANCE):
             by_pose = np.hstack([-cross_matrix(a.rotation @ middle), np.eye(3)])
             away = by_pose @ off
             along = away / np.linalg.norm(away) @ by_pose

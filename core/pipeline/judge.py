@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
 from math import ceil, sqrt
@@ -255,12 +257,14 @@ def _depths_apart(phases: Sequence[PhaseMap], calibration: PhotogrammetricCalibr
         )
         return z, noise**2, whole**2
 
-    for one, two in combinations(phases, 2):
-        if one.camera != two.camera or not all(knows(calibration, p.camera, p.projector) for p in (one, two)):
-            continue
-        try:
-            (a, *of_a), (b, *of_b) = seen(one), seen(two)
-        except InputError:  # one axis, or none of it in front
+    several = Counter(phase.camera for phase in phases)
+    found = []
+    for phase in phases:
+        if several[phase.camera] > 1 and knows(calibration, phase.camera, phase.projector):
+            with suppress(InputError):  # one axis, or none of it in front
+                found.append((phase, *seen(phase)))
+    for (one, a, *of_a), (two, b, *of_b) in combinations(found, 2):
+        if one.camera != two.camera:
             continue
         off, noise, variance = a - b, of_a[0] + of_b[0], of_a[1] + of_b[1]
         both = np.isfinite(off)

@@ -223,7 +223,7 @@ def decode_project(project: Project, progress: Progress = SILENT) -> int:
             except StripeError as error:
                 return {"error": str(error)}, error
             by_pair = {f"{p.camera}-{p.projector}": phase_figures(p) for p in phases}
-            return by_pair if len(phases) > 1 else phase_figures(phases[0]), None
+            return by_pair if len(phases) > 1 else next(iter(by_pair.values())), None
 
         outcomes = on_processes(decoded, len(due), progress)
         for capture, record, (figures, error) in zip(due, records, outcomes, strict=True):

@@ -41,7 +41,7 @@ class ReportPage(Page):
         self.signing = SignOffForm()
         scroll = scrolled(boxed(column(self.signing, self._files_card(), None)), across=False)
         scroll.setFixedWidth(WIDTH)
-        self.verdicts = VerdictList()
+        self.verdicts = VerdictList(whole=True)
         self._sentences = column(spacing=10)
         frame = card(self._sentences, title=self.tr("What it says"), spacing=10)
         self.body.addLayout(row(scroll, scrolled(boxed(column(self.verdicts, frame, None)))), 1)

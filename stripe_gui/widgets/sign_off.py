@@ -25,7 +25,7 @@ class SignOffForm(QWidget):
         self.limit = real(self.tr("Tolerance"), 0.001, 100.0, 4, self._judge, " mm", step=0.005)
         figures = (self.tr("r.m.s. deviation"), "rms"), (self.tr("largest deviation"), "max")
         self.of = choice(self.tr("Figure that the tolerance limits"), self._judge, *figures)
-        self.verdict = VerdictList()
+        self.verdict = VerdictList(whole=True)
         self.verdict.setAccessibleName(self.tr("Result"))
         form = QFormLayout()
         form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)

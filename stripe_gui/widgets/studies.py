@@ -43,7 +43,7 @@ class Study(QFrame):
         self._of: Version | None = None
         self.setProperty("role", "card")
         self.ask_button = button(ask, self.ask, "run")
-        self.verdicts = VerdictList()
+        self.verdicts = VerdictList(whole=True)
         self.table = ResultTable(title, titled=False)
         top = row((label(about, "muted", wrap=True), 1), self.ask_button)
         inside = column(label(title, "heading"), top, self.verdicts, self.table, spacing=8, margins=(16, 14, 16, 14))

@@ -12,6 +12,7 @@ from stripe_gui.widgets.layout import boxed, column, emptied, label, row
 from stripe_gui.widgets.notice import COLOURS, Sign
 
 KINDS = {"passed": "success", "doubtful": "warning", "failed": "error"}  # of a notice, whose sign and colours it takes
+QWIDGETSIZE_MAX = 16_777_215  # px, which PySide does not name
 HIGHEST = 220  # px: three or four verdicts with their reasons
 ORDER = ("failed", "doubtful", "passed")
 
@@ -49,10 +50,15 @@ class VerdictBox(QFrame):
 
 
 class VerdictList(QScrollArea):
-    """Verdicts below each other, what failed first; many are scrolled, and none takes no room."""
+    """Verdicts below each other, what failed first; none takes no room.
 
-    def __init__(self) -> None:
+    Many are scrolled, or all are shown where the page itself is scrolled.
+    """
+
+    def __init__(self, *, whole: bool = False) -> None:
         super().__init__()
+        self._highest = QWIDGETSIZE_MAX if whole else HIGHEST
+        self.setFrameShape(QFrame.Shape.NoFrame)
         self._rows = column(spacing=6)
         held = boxed(self._rows)
         held.installEventFilter(self)
@@ -85,6 +91,6 @@ class VerdictList(QScrollArea):
     def _fit(self) -> None:
         """Be as high as the words are in this width, up to a height that leaves room for the figures."""
         wanted = max(0, self._rows.totalHeightForWidth(self.viewport().width()))
-        self.setFixedHeight(min(wanted, HIGHEST))
-        scrolls = wanted > HIGHEST  # by keys, too
+        self.setFixedHeight(min(wanted, self._highest))
+        scrolls = wanted > self._highest  # by keys, too
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus if scrolls else Qt.FocusPolicy.NoFocus)
