@@ -53,9 +53,9 @@ class Lacking:
 
 
 def lacking(adjustment: Adjustment, name: str, device: AdjustedDevice, terms: Terms, shown: int) -> Lacking | None:
-    """Hold terms against the residuals of a device's images, of the first of which images are `shown`.
+    """Hold terms against the residuals of a device's images; None if nothing tells.
 
-    None if nothing tells.
+    Of so many of them, the first ones, it is also `shown` how the images change with them.
     """
     network, free = adjustment.network, np.flatnonzero(device.sigma > 0)
     own, k = np.flatnonzero(network.made_by[name]), len(free)
