@@ -19,13 +19,13 @@ from typing import Any
 
 import core
 from core.cli.arguments import Commands, Options, Parser, UnfinishedError, write_figures
-from core.cli.commands import exchange, experiment, recording, results, road, state, watching
+from core.cli.commands import beginning, exchange, experiment, recording, results, road, state, watching
 from core.cli.console import Console, Unread
 from core.errors import Cancelled, InputError, StripeError
 from core.progress import Progress
 from core.starting import ENDING, end_at_once
 
-GROUPS = (experiment, recording, road, results, state, watching, exchange)
+GROUPS = (experiment, beginning, recording, road, results, state, watching, exchange)
 _ended = 0  # by which signal
 
 

@@ -2,7 +2,7 @@
 
 images.py    frames: single-channel PNG and TIFF of 8 or 16 bit; a truncated file is refused
 captures.py  project.json, testfield.csv, capture.json and picks.json, read and written
-boards.py    regular testfields, and a new project without captures
+boards.py    regular testfields, and a new project without captures; typed.py the same from what is typed in a line
 rigs.py      the rig in project.json
 unfinished.py a capture that was interrupted
 networks.py  a network folder, read and written; schema.py the published schema of all these

@@ -51,13 +51,15 @@ def refuse_used_folder(folder: Path) -> None:
 def create_project(
     folder: Path,
     name: str,
-    camera: DeviceSpec,
-    projector: DeviceSpec,
+    camera: DeviceSpec | Mapping[str, DeviceSpec],
+    projector: DeviceSpec | Mapping[str, DeviceSpec],
     boards: Mapping[str, Testfield],
     scale: ScaleBar | None = None,
     sequence: SequenceSpec | None = None,
 ) -> None:
     """Write a project without captures: its boards by file name first, then project.json, which needs them.
+
+    `camera` and `projector` are one each, or several by name.
 
     Raises
     ------

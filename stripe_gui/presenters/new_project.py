@@ -14,7 +14,7 @@ from core.errors import InputError
 from core.lazy import dataclass
 from core.model import DeviceSpec, ScaleBar, Testfield
 from core.patterns import SequenceSpec, read_sequence
-from core.project import create_project, nominal_testfield, read_testfield, refuse_used_folder
+from core.project import ENOUGH, create_project, nominal_testfield, read_testfield, refuse_used_folder
 from core.project.shapes import check_fields
 from stripe_gui.presenters.rig_view import Cover, RigPlan, presets
 from stripe_gui.presenters.told import translate
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from core.report.board import Sheet
 
 FIELD_FILE, PLATE_FILE = "testfield.csv", "plate.csv"
-LEAST_TARGETS = 4  # that is how many an operator picks
 SMALL_TARGET_PX = 6.0  # across: below, blur and pixels spoil the centroid
 LEAST_COVER = 0.25  # share of the camera's field that a testfield should fill
 GROSS_DIFFERENCE = 0.01  # a measured length further from the nominal one is hardly the same distance
@@ -122,7 +121,7 @@ def look_at_board(plan: BoardPlan) -> BoardView:
                 *size, "black-on-white" if plan.polarity == "black-on-white" else "white-on-black"
             )
         targets = len(testfield.row)
-        if targets < LEAST_TARGETS or min(len(np.unique(testfield.row)), len(np.unique(testfield.col))) < 2:
+        if targets < ENOUGH or min(len(np.unique(testfield.row)), len(np.unique(testfield.col))) < 2:
             text = translate("NewProject", "{n} targets: a testfield needs at least 4, not all in one row or column.")
             return BoardView(None, None, text.format(n=targets))
         return BoardView(testfield, sheet_of(testfield))

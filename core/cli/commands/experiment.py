@@ -1,4 +1,4 @@
-"""The whole experiment on the virtual bench, and the board to print."""
+"""The whole experiment on the virtual bench."""
 
 from __future__ import annotations
 
@@ -21,10 +21,6 @@ def add(commands: Commands) -> None:
     sub = commands.add("simulate", _simulate, "write a project with its captures, as a rig would")
     sub.add_argument("folder", type=Path, metavar="OUT")
     _scenario(sub)
-
-    sub = commands.add("testfield", _testfield, "make a testfield to print at true size")
-    sub.add_argument("testfield", type=Path, metavar="PROJECT|TESTFIELD.csv")
-    sub.add_argument("--out", type=Path, required=True, metavar="FILE.pdf|FILE.svg")
 
 
 def _scenario(sub: Parser) -> None:
@@ -60,16 +56,3 @@ def _simulate(options: Options, progress: Progress) -> dict[str, Any]:
     project = pipeline.simulate_project(options.folder, options.scenario, options.seed, progress, sequence=sequence)
     print(f"{project.path}: {len(project.captures)} captures")
     return {"project": str(project.path), "captures": len(project.captures), "seed": options.seed}
-
-
-def _testfield(options: Options, progress: Progress) -> dict[str, Any]:
-    sheet = pipeline.print_testfield(options.testfield, options.out, progress)
-    across, down = sheet.bars_mm
-    print(f"{options.out}: page of {sheet.width_mm:.1f} x {sheet.height_mm:.1f} mm")
-    print(f"print at 100 %; its bars must then measure {across:g} mm across and {down:g} mm down")
-    return {
-        "out": str(options.out),
-        "targets": len(sheet.targets_mm),
-        "page_mm": [sheet.width_mm, sheet.height_mm],
-        "bars_mm": [across, down],
-    }
