@@ -57,6 +57,11 @@ class LineFrames:
         """Distance between neighbouring sections in lines."""
         return float(np.median(np.diff(distinct(self.centre)))) if len(set(self.centre)) > 1 else 1.0
 
+    def open_ends(self, lines: int) -> tuple[bool, bool]:
+        """Whether the projector, of so many lines, has further lines before the first section and after the last."""
+        beside = (self.width - 1) / 2 + max(self.pitch - self.width, 0)
+        return self.centre[0] - beside > 0, self.centre[-1] + beside < lines - 1
+
 
 @dataclass(frozen=True)
 class AxisFrames:

@@ -29,6 +29,7 @@ DETOUR = (
     "surface by a second way, by gloss or from a facing wall, or the camera has a gamma of its own. Compare the frames "
     "with capture.json, dull the surface, switch gamma off, show more steps and periods, or add a code."
 )
+SWEPT = "the coordinate is beyond the first or last line of the sweep."
 LARGER = "Compare its width and height in project.json with those that the patterns were made for."
 COMPARE = (
     "Stripes may be blurred or too dark, or other patterns than those listed. Focus, expose longer, show wider "
@@ -171,15 +172,16 @@ def _causes(
         more = "Expose longer, show more steps, or add a code or a longer period."
         contrary = f"the noise of {noise:.1f} grey values leaves the order of the fringe open. {more}"
     contrary = DETOUR if detour else f"words of several lines fit alike. {COMPARE}" if unsure and worded else contrary
+    swept = any(table.line_open.any() for table in tables)
     kinds = {
         int(Flag.SATURATED): f"too many steps are at full scale ({full:.0f}). Expose shorter or stop the lens down.",
         int(Flag.LOW_MODULATION): weak,
         ORDER: contrary,
-        int(Flag.OUTSIDE): f"the coordinate is beyond the projector's lines. {LARGER}",
+        int(Flag.OUTSIDE): SWEPT if swept else f"the coordinate is beyond the projector's lines. {LARGER}",
     }
     parts = {text: float(np.count_nonzero(lost & bits)) / lit for bits, text in kinds.items()}
     ordered = sorted(parts.items(), key=lambda part: -part[1])
-    names: dict[str, Names] = {kinds[int(Flag.OUTSIDE)]: "projector"}
+    names: dict[str, Names] = {} if swept else {kinds[int(Flag.OUTSIDE)]: "projector"}
     names |= {text: "light" for text, dim in ((weak, grainy), (contrary, open_order)) if dim}
     return [(f"in {part:.0%} of them {text}", names.get(text, "capture")) for text, part in ordered if part > MANY]
 

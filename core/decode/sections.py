@@ -89,7 +89,8 @@ def decode_sections(  # type: ignore[no-untyped-def]
 
     ``u = sum(w x) / sum(w)`` over lines x near the brightest, with ``w = max(g - T, 0)`` and T at `TAIL` of the
     section's height above the background, but above its noise; ``var(u) = sum((x - u)² var(g)) / sum(w)²`` over the
-    lines that count, besides what their discreteness causes.
+    lines that count, besides what their discreteness causes. Where the first or last line of a sweep is lit though the
+    projector has more, the section is cut off and the coordinate outside.
     """
     place, sigma, modulation, image, flags = out
     frames, centres, ripple = table.line_frames, table.line_centre, table.line_ripple
@@ -121,7 +122,8 @@ def decode_sections(  # type: ignore[no-untyped-def]
             flag = LOW if weak or HALF * height < limits.modulation else 0
             flag |= SATURATED if peak[i] >= limits.saturation else 0
             flag |= DISAGREEMENT if rival[i] - dark[i] > RIVAL * height else 0
-            flag |= OUTSIDE if flag == 0 and (u < -HALF or u > table.lines - HALF) else 0
+            cut = _cut_off(table, grey, where, dark, sums[9], i)
+            flag |= OUTSIDE if flag == 0 and (cut or u < -HALF or u > table.lines - HALF) else 0
             place[axis, first + i] = u if flag == 0 else F(np.nan)
             variance = max(variance, F(0)) / (total[i] * total[i] + TINY) + ripple * ripple
             sigma[axis, first + i] = np.sqrt(variance) if flag == 0 else F(np.nan)
@@ -158,6 +160,15 @@ def _background(centres, reach, grey, count, where, dark, rival, others):  # typ
             rival[i] = max(rival[i], row[i]) if far else rival[i]
     for i in range(count):
         dark[i] = dark[i] / others[i] if others[i] > F(0) else F(0)
+
+
+@part
+def _cut_off(table, grey, where, dark, floor, i):  # type: ignore[no-untyped-def]
+    """Whether light may come from lines that the sweep left out: its end, with more lines beyond, clearly has some."""
+    centres, last = table.line_centre, len(table.line_centre) - 1
+    clear = TWICE * floor[i] - dark[i]
+    first = table.line_open[0] and where[i] - centres[0] <= table.line_reach and grey[0, i] > clear
+    return first or (table.line_open[1] and centres[last] - where[i] <= table.line_reach and grey[last, i] > clear)
 
 
 @part

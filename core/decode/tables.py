@@ -126,6 +126,7 @@ class AxisTable(NamedTuple):
     line_frames: Shorts
     line_centre: Singles
     line_reach: np.float32
+    line_open: NDArray[np.bool_]  # (2,), whether a sweep leaves lines out before its first and after its last
     line_ripple: np.float32
     black: Shorts
 
@@ -337,6 +338,7 @@ def axis_table(plan: Plan, axis: AxisFrames, frames: SortedFrames) -> AxisTable:
         line_frames=np.array(lines.frames if lines else [], np.int32),
         line_centre=np.array(lines.centre if lines else [], np.float32),
         line_reach=np.float32(lines.width + 2 * lines.pitch + 3 if lines else 0),
+        line_open=np.array(lines.open_ends(plan.lines) if lines else (False, False)),
         line_ripple=np.float32(0),
         black=np.array(frames.black[:1], np.int32),
     )

@@ -7,7 +7,8 @@ import pytest
 from scipy.special import erf
 
 from core.decode import decode
-from core.patterns import Black, Line
+from core.patterns import Black, Line, White
+from tests.core.decode.conftest import Bench
 
 
 @pytest.mark.parametrize(
@@ -33,3 +34,20 @@ def test_sigma_holds_the_ripple_of_any_blur(width: int, pitch: int, blur: float)
     good = np.isfinite(phase.u)
     assert good.mean() > (0.95 if pitch == width or width > pitch else 0.6)
     assert 0.65 < np.sqrt(np.mean(np.square((phase.u - u)[good] / phase.sigma_u[good]))) < 1.25
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "width", "pitch"), [(70, 90, 1, 1), (64, 96, 4, 4), (70, 199, 1, 1), (66, 94, 2, 1)]
+)
+def test_lines_that_a_sweep_leaves_out_are_no_lines_of_it(first: int, last: int, width: int, pitch: int) -> None:
+    """What lies beside the sweep is lit by the blur of its first and last line, which were its coordinates."""
+    _, x = np.mgrid[:40, :300]
+    bench = Bench(40 + 0.55 * x, lines=(200, 200), blur=0.7, ambient=12.0, gain=150.0)
+    patterns = [*(Line("x", i, width) for i in range(first, last, pitch)), White(), Black()]
+    phase = decode(patterns, bench.take(patterns), lines=(200, 200))
+    good = np.isfinite(phase.u)
+    assert np.abs(phase.u - bench.u)[good].max() < max(1.0, width / 2)
+    assert 0.65 < np.sqrt(np.mean(np.square((phase.u - bench.u)[good] / phase.sigma_u[good]))) < 1.25
+    assert good[(bench.u > first + 2 * width + 2) & (bench.u < last - 2 * width - 3)].mean() > 0.995
+    beside = (bench.u < first - 1) | (bench.u > last + 1)
+    assert not good[beside].any()
