@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from math import ceil, exp, log, pi, sqrt
+from math import exp, inf, log, log2, pi, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,11 @@ HEIGHT, WIDTH = 32, 525  # px of the made-up field: large enough for the decoder
 PERIODS = (6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # lines, that are tried
 OUTLIER = 35.0  # times the median square, four standard deviations: edges of the scene
 GROSS = 0.5  # of the finest period; of words two lines
-FEWEST, MOST = 8, 200  # frames
+FEWEST, USUAL, MOST = 8, 28, 200  # frames
+NEAR = 1.03  # times the sigma that is wanted: as good, since the drawn noise differs by as much
+WORD = 0.7  # of the bits that number all lines: a pixel sees its line's neighbours too
+ONE = ("paper", "dense")  # have no options that change with the frames
+MOST_GROSS, LEAST_VALID = 0.001, 0.9  # of a sequence that can be relied on
 
 
 @dataclass(frozen=True)
@@ -66,11 +70,16 @@ class PlannedSequence:
     preset: str
     options: dict[str, float]
     frames: int
-    sigma_lines: float
+    sigma_lines: float | None  # None where no pixel decodes
     gross: float
     valid: float
     seconds: float
     needs_grey: bool
+
+    @property
+    def reliable(self) -> bool:
+        """Whether nearly all pixels decode, and nearly none wrongly."""
+        return self.gross < MOST_GROSS and self.valid > LEAST_VALID
 
     @property
     def words(self) -> str:
@@ -102,15 +111,13 @@ def plan_sequence(
     size = project.projector.width, project.projector.height
     found = []
     for name in progress.over(("paper", "gray-sine", "gray-inverse", "multi-frequency", "two-period", "dense"), "{}"):
-        budget = frames or 28
-        planned = _best(name, budget, size, light)
-        if planned is not None and sigma_lines is not None and name != "paper":
-            # noise falls with the root of the frames that measure; those that only tell lines apart stay
-            wanted = min(frames or MOST, max(FEWEST, ceil(budget * (planned.sigma_lines / sigma_lines) ** 2)))
-            planned = _best(name, wanted, size, light) or planned
+        planned = _best(name, frames or USUAL, size, light)
+        if sigma_lines is not None and name != "paper":
+            usual = planned or _best(name, frames or 2 * USUAL, size, light)
+            planned = usual and _reaching(sigma_lines, usual, frames or MOST, size, light)
         if planned is not None:
             found.append(planned)
-    return light, tuple(sorted(found, key=lambda p: p.sigma_lines))
+    return light, tuple(sorted(found, key=lambda p: inf if p.sigma_lines is None else p.sigma_lines))
 
 
 def expected(spec: SequenceSpec, size: tuple[int, int], light: RigLight, seed: int = 0) -> PlannedSequence:
@@ -131,7 +138,7 @@ def expected(spec: SequenceSpec, size: tuple[int, int], light: RigLight, seed: i
     error = (phase.u - truth)[good]
     period = finest_steps(patterns)[0]
     gross = np.abs(error) > (GROSS * period if period else 2.0)
-    rms = float(np.sqrt(np.mean(np.square(error[~gross])))) if (~gross).any() else float("nan")
+    rms = float(np.sqrt(np.mean(np.square(error[~gross])))) if (~gross).any() else None
     whole = spec.patterns(size)
     return PlannedSequence(
         spec.preset or "",
@@ -245,18 +252,56 @@ def _frame(pattern: Pattern, place: Array, lines: int, light: RigLight, rng: np.
 
 
 def _best(name: str, frames: int, size: tuple[int, int], light: RigLight) -> PlannedSequence | None:
-    """Choose among the options of a family that the frames allow; None where there are too few."""
-    choices = [spec for spec in _choices(name, frames, size) if len(spec.patterns(size)) <= frames or name == "paper"]
-    if not choices:
+    """See what the best of a family gives with so many frames; None where there are too few."""
+    spec = _chosen(name, frames, size, light)
+    try:
+        return None if spec is None else expected(spec, size, light)
+    except InputError:  # so short words are the same at several lines
         return None
-    return expected(min(choices, key=lambda spec: _noise(spec.patterns(size), light)), size, light)
+
+
+def _reaching(
+    sigma_lines: float, usual: PlannedSequence, most: int, size: tuple[int, int], light: RigLight
+) -> PlannedSequence:
+    """Find the fewest frames of a family that reach a sigma reliably; the nearest to it where none do."""
+    tries, known = [min(most, usual.frames)], usual.sigma_lines
+    if known is not None:
+        less = sigma_lines / known * _relative(usual.preset, usual.frames, size, light)
+        enough = (n for n in range(FEWEST, most) if _relative(usual.preset, n, size, light) <= less)
+        tries = [next(enough, most)]
+    while tries[-1] < most:
+        tries.append(min(most, tries[-1] + max(2, tries[-1] // 8)))
+    found = usual
+    for frames in tries:
+        planned = _best(usual.preset, frames, size, light)
+        if planned is not None and planned.reliable and planned.sigma_lines is not None:
+            found = planned
+            if planned.sigma_lines <= NEAR * sigma_lines:
+                break
+    return found
+
+
+def _relative(name: str, frames: int, size: tuple[int, int], light: RigLight) -> float:
+    """Noise of the best of a family, to be compared with that of other numbers of frames; infinite for too few."""
+    if name == "dense":  # words as short as that repeat
+        return sqrt(1 / frames) if frames / 2 >= WORD * log2(max(size)) else inf
+    spec = _chosen(name, frames, size, light)
+    return inf if spec is None else _noise(spec.patterns(size), light)
+
+
+def _chosen(name: str, frames: int, size: tuple[int, int], light: RigLight) -> SequenceSpec | None:
+    """Choose among the options of a family that the frames allow; None where there are too few."""
+    choices = [spec for spec in _choices(name, frames, size) if name in ONE or len(spec.patterns(size)) <= frames]
+    return (
+        min(choices, key=lambda spec: _noise(spec.patterns(size), light)) if len(choices) > 1 else (*choices, None)[0]
+    )
 
 
 def _choices(name: str, frames: int, size: tuple[int, int]) -> Sequence[SequenceSpec]:
     if name == "paper":
         return [SequenceSpec(name)]
     if name == "dense":
-        return [SequenceSpec(name, {"frames": frames})]
+        return [SequenceSpec(name, {"frames": frames - frames % 2})]  # half of them an axis
     if name == "two-period":
         return [SequenceSpec(name, {"steps": n}) for n in range(3, (frames - 2) // 4 + 1)][-1:]
     specs = []

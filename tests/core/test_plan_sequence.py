@@ -117,3 +117,31 @@ def test_bad_wishes_are_refused(project: Path) -> None:
         plan_sequence(project, 3)
     with pytest.raises(InputError, match="--sigma"):
         plan_sequence(project, None, -1.0)
+
+
+def test_the_fewest_frames_that_reach_a_sigma_are_found(tmp_path: Path) -> None:
+    """Families with code begin with more frames than those without; the words of few frames repeat."""
+    create_project(tmp_path, "p", DeviceSpec(*CAMERA, (0.01, 0.01), 12.0), DeviceSpec(160, 60, (0.09, 0.09), 100.0), {})
+    frames: dict[float, int] = {}
+    for sigma in (0.05, 0.2):
+        planned = {p.preset: p for p in plan_sequence(tmp_path, None, sigma)[1] if p.preset != "paper"}
+        assert len(planned) == 5
+        for p in planned.values():
+            assert p.reliable, p
+            assert p.sigma_lines is not None, p
+            assert p.sigma_lines < 1.05 * sigma, p
+        frames[sigma] = planned["gray-sine"].frames
+    assert frames[0.2] < frames[0.05]
+    fewer = {p.preset: p.sigma_lines for p in plan_sequence(tmp_path, frames[0.05] - 2)[1]}
+    assert (fewer["gray-sine"] or 1.0) > 0.05
+
+
+def test_frames_that_decode_nowhere_have_no_sigma(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two neighbouring periods that tell 900 lines apart leave their order to the noise."""
+    create_project(tmp_path, "p", DeviceSpec(*CAMERA, (0.01, 0.01), 12.0), DeviceSpec(900, 40, (0.09, 0.09), 200.0), {})
+    assert main(["plan-sequence", str(tmp_path), "--frames", "14", "--json"]) == 0
+    found = {s["preset"]: s for s in json.loads(capsys.readouterr().out)["sequences"]}
+    assert (found["two-period"]["sigma_lines"], found["two-period"]["valid"]) == (None, 0.0)
+    assert main(["plan-sequence", str(tmp_path), "--frames", "14"]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("two-period"))
+    assert line.split()[1:3] == ["14", "-"]

@@ -180,6 +180,7 @@ def _plan(options: Options, progress: Progress) -> dict[str, Any]:
     print(f"\n{'sequence':44s} frames  sigma [lines]  wrong    valid    time    shows")
     for p in planned:
         shows = "grey" if p.needs_grey else "black and white"
-        found = f"{p.frames:6d}  {p.sigma_lines:13.4f}  {p.gross:7.3%}  {p.valid:6.1%}  {p.seconds:5.1f} s"
+        sigma = "-" if p.sigma_lines is None else f"{p.sigma_lines:.4f}"
+        found = f"{p.frames:6d}  {sigma:>13s}  {p.gross:7.3%}  {p.valid:6.1%}  {p.seconds:5.1f} s"
         print(f"{p.words:44s} {found}  {shows}")
     return plan_figures(light, planned)
