@@ -19,6 +19,9 @@ from core.numerics import chi_square_limit, distinct, median_of, nearest, normal
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
+FINE = (
+    0.02  # px, r.m.s.: residuals so small fail nothing, whatever sigmas they were given; few dots are measured better
+)
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 TAILS = 2.5  # root mean square of residuals over their sigma by the median; images that are off as a whole make it 1.9
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
@@ -108,13 +111,17 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
         )
         worst = _worst_station(adjustment, name)
         text += f"{worst}; " if worst else ""
+        rms = float(np.sqrt(np.nanmean(adjustment.residuals[adjustment.network.made_by[name]] ** 2)))
+        if fine := rms < FINE:
+            added = f"they are {rms:.2g} px, what uneven pixels, print or coarse rendering add to noise"
+            text += f"{added}; "
         if np.isfinite(adjustment.devices[name].spec.interior_sigma).any():
             text += "its interior orientation in project.json may belong to another lens or focus; "
         text += (
             "look for wrong identities or a turned board, a moved device, a board that bends, wrong patterns, frames "
             "that were compressed, denoised or rescaled, or sigmas set too small"
         )
-        concerns.append(Concern("failed" if ratio > FAILED_RATIO else "doubtful", text))
+        concerns.append(Concern("failed" if ratio > FAILED_RATIO and not fine else "doubtful", text))
     return concerns
 
 

@@ -24,7 +24,7 @@ from core.decode.kernels.kernel import decode_pixels, scratch_for
 from core.decode.known import AXES, Prepared, Seen, measure, prepare
 from core.decode.late import late_frames
 from core.decode.noise import Noise
-from core.decode.notes import MUCH, note_on_second_light, notes_on
+from core.decode.notes import MUCH, note_on_extent, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.overexposed import relight
 from core.decode.sections import decode_sections, section_scratch
@@ -172,7 +172,8 @@ def decode(
     phase = replace(_phase_map(found, misfit, doubts, patterns, arrays, seen, options.steps), clipped=clipped)
     if options.estimate and (alone := codes_alone(seen.tables)):
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
-    return replace(phase, notes=(*phase.notes, *altered)) if altered else phase
+    further = (*altered, *(() if lines else note_on_extent(seen.tables)))
+    return replace(phase, notes=(*phase.notes, *further)) if further else phase
 
 
 def _altered(sequence: Prepared, images: Sequence[Image], saturation: float) -> tuple[str, ...]:

@@ -186,6 +186,13 @@ def _causes(
     return [(f"in {part:.0%} of them {text}", names.get(text, "capture")) for text, part in ordered if part > MANY]
 
 
+def note_on_extent(tables: Sequence[AxisTable]) -> tuple[str, ...]:
+    """Say within how many lines phases alone tell places apart, where nobody knows how many the projector has."""
+    axes = zip(("u", "v"), tables, strict=True)
+    told = [f"{name} within {table.lines:.0f} lines" for name, table in axes if table.start == PHASES]
+    return (f"No code, and no project.json above, tell how many lines there are: {', '.join(told)}.",) if told else ()
+
+
 def note_on_second_light(part: Singles, bent: NDArray[np.bool_], told: str = SECOND_OF_FRINGES) -> tuple[str, ...]:
     """Say that light comes by a second way, where it bends the coordinates of many pixels beyond their noise.
 

@@ -71,6 +71,8 @@ def plan_axis(frames: AxisFrames, lines: int | None, where: str) -> Plan:
             elif used is None or candidate.cell < used.cell:
                 used, extent = candidate, lines or code.cell << min(code.bits, MAX_BITS)
                 shortfall = reason
+        if used is None and frames.codes and lines is None:  # so many lines at least has the projector
+            extent = max(code.cell << min(code.bits, MAX_BITS) for code in frames.codes)
         plan = _combine(frames, used, extent)
         if plan is not None and not (used and not frames.phases and shortfall):
             return plan
@@ -78,7 +80,8 @@ def plan_axis(frames: AxisFrames, lines: int | None, where: str) -> Plan:
             reasons.append(shortfall)
     if frames.lines is not None:
         reach = int(frames.lines.centre[-1] + (frames.lines.width + 1) / 2)
-        return Plan(max(lines or 0, reach), None, (), sweep=True)
+        # where nobody knows how many there are, the last section may not be the last line's
+        return Plan(max(lines, reach) if lines else reach + 1, None, (), sweep=True)
     raise InputError(where, *_refusal(frames, reasons, lines))
 
 

@@ -240,6 +240,19 @@ def test_what_all_images_fail_to_hold_does_not_accuse_the_sigmas_of_a_sharp_one(
     assert not any("sigma_px of station" in text for text in verdict.because)
 
 
+@pytest.mark.parametrize(("part", "state"), [(0.25, "doubtful"), (1.0, "failed")])
+def test_residuals_of_a_hundredth_of_a_pixel_fail_nothing_however_small_the_sigmas(part: float, state: str) -> None:
+    """Five times what the sigmas allow: coarsely rendered dots were off by 0.014 px, where noise was 0.002."""
+    made = simulated_network(seed=5, use=("camera",), noise=0.0, approximation_mm=1.0)
+    seen, sigma = made.network.observation_uv, made.network.observation_sigma
+    off = np.random.default_rng(7).normal(size=seen.shape) * 0.05 * part
+    network = replace(made.network, observation_uv=seen + off, observation_sigma=np.full_like(sigma, 0.01 * part))
+    verdict = judge_adjustment(adjust(network)).verdict
+    assert verdict.state == state
+    assert "times what the sigmas of its observations allow" in verdict.because[0]
+    assert ("uneven pixels" in verdict.because[0]) == (state == "doubtful")
+
+
 def test_columns_alone_are_held_against_the_image_without_a_warning() -> None:
     """Warnings are errors here: what was never observed has no extent."""
     made = simulated_network(seed=3, approximation_mm=1.0).network

@@ -40,7 +40,17 @@ def test_too_few_bits() -> None:
 @pytest.mark.parametrize("kind", ["gray", "binary"])
 def test_a_missing_bit(bit, kind) -> None:
     patterns = gray_and_phase("x", 64, cell=2, periods=[4], kind=kind)
-    assert f"bit {bit} " in refused([p for p in patterns if not (isinstance(p, Code) and p.bit == bit)])
+    rest = [p for p in patterns if not (isinstance(p, Code) and p.bit == bit)]
+    assert f"bit {bit} " in refused(rest)
+    assert f"bit {bit} " in refused(rest, lines=None)  # without the first bit all lines were of one period
+
+
+def test_phases_alone_say_how_far_they_tell_places_apart_where_nobody_knows_the_lines() -> None:
+    steps = [Phase("x", 16.0, 4, k, k * np.pi / 2) for k in range(4)]
+    (note,) = decode(steps, shown(steps)).notes
+    assert "u within 16 lines" in note
+    assert not decode(steps, shown(steps, 16), lines=(16, 16)).notes
+    assert not decode(FULL, shown(FULL)).notes
 
 
 @pytest.mark.parametrize("bit", [0, 3, 5])
