@@ -33,6 +33,7 @@ DISTURBED_TIMES = 3.0  # as many times what it usually does there, light and noi
 DISTURBED_RIM_PX = 2  # so far a neighbour's brightness reaches
 MOVED = 3.0  # sigmas by which a pixel's coordinate has moved
 COVER = 0.5  # share of the Gaussian's weight that must lie on the plate
+MOST_LEFT = 0.1  # share of a plate that undisturbed pixels may leave without a value
 FILL_FACTOR = 5.0  # width of the Gaussian that fills gaps, in units of the low-pass: targets of a dozen pixels
 
 
@@ -87,16 +88,17 @@ def _smooth(
     measured: Floats, modulation: Floats, variance: Floats, lit: NDArray[np.bool_], sigma_px: float
 ) -> tuple[Floats, Floats]:
     """Smooth the part of one plane that is lit; `variance` (H, W) becomes that of what is returned."""
-    even = lit & _evenly_bright(modulation, lit)
-    if np.count_nonzero(even) < LEAST_PIXELS:
-        even = lit
-    trend, spread = _trend(measured, even)
-    rest = np.where(lit, measured - trend, 0).astype(np.float32)
-    near = lit & (np.abs(rest) <= DISTURBED_LINES[1])
-    plate = even & (np.abs(rest) <= np.clip(DISTURBED_FACTOR * spread, *DISTURBED_LINES))
-    weight = np.where(plate, 1 / np.maximum(variance, LEAST_VARIANCE), 0).astype(np.float32)
-    mean, covered, narrow = _average(rest, weight, sigma_px)
-    wide, widely, broad = _average(rest, weight, FILL_FACTOR * sigma_px)
+    for even in (lit & _evenly_bright(modulation, lit), lit):
+        trend, spread = _trend(measured, even if np.count_nonzero(even) >= LEAST_PIXELS else lit)
+        rest = np.where(lit, measured - trend, 0).astype(np.float32)
+        near = lit & (np.abs(rest) <= DISTURBED_LINES[1])
+        plate = even & (np.abs(rest) <= np.clip(DISTURBED_FACTOR * spread, *DISTURBED_LINES))
+        weight = np.where(plate, 1 / np.maximum(variance, LEAST_VARIANCE), 0).astype(np.float32)
+        mean, covered, narrow = _average(rest, weight, sigma_px)
+        wide, widely, broad = _average(rest, weight, FILL_FACTOR * sigma_px)
+        left = near & ~(covered | plate | widely)
+        if np.count_nonzero(left) <= MOST_LEFT * np.count_nonzero(near):
+            break  # otherwise dots are small and close: all is rim, and its errors average out around each dot
     elsewhere = np.where(near, np.float32(np.nan), measured)  # disturbed, or not the plate at all
     filled = np.where(covered | plate, trend + mean, np.where(widely, trend + wide, elsewhere))
     variance[:] = np.where(covered | plate, narrow, np.where(widely, broad, variance))
