@@ -10,6 +10,7 @@ corners.py     corners where straight edges cross or end; crossings.py finds tho
 light.py       where the projector's light ends, in the camera's image
 lighting.py    how much the light changes across bright dots
 plateau.py     how much of it the middles of blurred dots still show
+overlap.py     dots so blurred that their light reaches their neighbours
 faults.py      dots that must not be measured, and why
 grain.py       raw images of colour cameras; noise that neighbours share
 defocus.py     blur that changes across a dot, and what it draws

@@ -25,17 +25,24 @@ def plateau_share(contour: Array, blur: Array) -> Array:
 
     `blur`, (m,) px, is the sigma of their edges, by where they fall from 80 to 20 % of it.
     """
+    return true_outlines(contour, blur)[2]
+
+
+def true_outlines(contour: Array, blur: Array) -> tuple[Array, Array, Array]:
+    """Outlines of dots before the blur (m, 2, 2) px, its sigma (m,) px, and the share that their plateaus show."""
     size = np.sqrt(np.abs(np.linalg.det(contour))) / blur
-    share = np.ones(len(size))
+    share, outline, sigma = np.ones(len(size)), contour.copy(), blur.astype(np.float64)
     soft = size < SHARP
     if soft.any():
-        seen, by_radius, by_blur = _as_seen()
-        factor = np.interp(size[soft], seen, by_radius / by_blur) / blur[soft]
-        share[soft] = row_median(_blurred(contour[soft] * factor[:, None, None], INSIDE))
-    return share
+        seen, *by_seen = _as_seen()
+        by_radius, by_blur = (np.interp(size[soft], seen, part) for part in by_seen)
+        outline[soft] *= by_radius[:, None, None]
+        sigma[soft] *= by_blur
+        share[soft] = row_median(light_of(outline[soft] / sigma[soft, None, None], INSIDE))
+    return outline, sigma, share
 
 
-def _blurred(ellipse: Array, places: Array) -> Array:
+def light_of(ellipse: Array, places: Array) -> Array:
     """Light (m, k) at places (k, 2) in units of evenly bright ellipses (m, 2, 2), in blurs.
 
     A blur is the divergence of (1 - exp(-r²/2)) / r² times the vector r: what leaves through the outline lies within.
@@ -53,7 +60,7 @@ def _as_seen() -> tuple[Array, Array, Array]:
     """Of blurred discs the radius as seen over the blur as seen, and the true ones over those as seen."""
     at = np.linspace(0.2, 2.6, 161)
     discs = RADII[:, None, None] * np.eye(2)
-    light, shown = _blurred(discs, np.stack([at, np.zeros_like(at)], axis=1)), row_median(_blurred(discs, INSIDE))
+    light, shown = light_of(discs, np.stack([at, np.zeros_like(at)], axis=1)), row_median(light_of(discs, INSIDE))
     outer, radius, inner = (
         RADII * [np.interp(-part * top, -each, at) for top, each in zip(shown, light, strict=True)]
         for part in (0.2, 0.5, 0.8)

@@ -67,9 +67,9 @@ def outlines(image: Floats, rays: Rays, spacing: Array) -> Outlines:
     return _outlined(image, rays, spacing)[0]
 
 
-def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
-    """Measure the whole profiles, as `outlines` does the most important."""
-    known, radius, value, crossing, closed = _outlined(image, rays, spacing)
+def profiles(image: Floats, rays: Rays, spacing: Array, ground: Floats | None = None) -> Profiles:
+    """Measure the whole profiles, as `outlines` does the most important; the background in an image of its own."""
+    known, radius, value, crossing, closed = _outlined(image, rays, spacing, ground)
     along, minor, contour = rays.length, rays.minor, known.contour
     share = _share(value, radius, rays, known.plane, known.plateau)
     soft = (2.5 * known.blur + 0.7)[:, None, None] / along[:, :, None]
@@ -97,12 +97,15 @@ def profiles(image: Floats, rays: Rays, spacing: Array) -> Profiles:
     )
 
 
-def _outlined(image: Floats, rays: Rays, spacing: Array) -> tuple[Outlines, Array, Floats, Array, NDArray[np.bool_]]:
+def _outlined(
+    image: Floats, rays: Rays, spacing: Array, ground: Floats | None = None
+) -> tuple[Outlines, Array, Floats, Array, NDArray[np.bool_]]:
     """Outlines; radii and values along the rays; where they fall to half the contrast, and whether all do."""
+    ground = image if ground is None else ground
     along, minor = rays.length, rays.minor
     plateau = row_median(rays.sample(image, PLATEAU).reshape(len(minor), -1))
     far = np.clip(1.0 + 4.0 / minor, 1.0, spacing / 2)
-    plane, _ = _background(image, rays, far, spacing, rounds=1)
+    plane, _ = _background(ground, rays, far, spacing, rounds=1)
 
     offset = (3.0 + 0.15 * minor)[:, None] * np.linspace(-1, 1, STEPS)  # (m, steps) px
     radius = np.maximum(1.0 + offset[:, None, :] / along[:, :, None], 0.0)
@@ -114,7 +117,7 @@ def _outlined(image: Floats, rays: Rays, spacing: Array) -> tuple[Outlines, Arra
     blur = np.clip(row_median(width) / EDGE, 0.3, 4.0)
 
     window = np.minimum(contour[:, 0] + (3.0 * blur + 1.0) / minor, np.maximum(spacing / 2, 1.0 + 1.0 / minor))
-    plane, slopes = _background(image, rays, window, spacing, rounds=3)
+    plane, slopes = _background(ground, rays, window, spacing, rounds=3)
     return Outlines(plateau, plane, slopes, blur, contour, window), radius, value, crossing, closed
 
 

@@ -15,6 +15,7 @@ from core.measure.centres.estimators import ESTIMATORS
 from core.measure.centres.faults import half_lit, shape_faults
 from core.measure.centres.grain import PLAIN, grain, of_lattice
 from core.measure.centres.lighting import light_gradient
+from core.measure.centres.overlap import MODELLED, told_apart
 from core.measure.centres.plateau import plateau_share
 from core.measure.centres.profile import PLATEAU, Profiles, outlines, profiles
 from core.measure.centres.rays import Rays
@@ -80,7 +81,7 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     moved, _ = centroids(image, start, first, np.zeros_like(centre), (0.0, 0.0))
     moved = np.where(np.isfinite(moved), moved, centre)
     rays = Rays(moved, nominal * size[:, None, None])
-    profile = profiles(image, rays, spacing / size)
+    whole, (image, profile) = image, told_apart(image, rays, spacing / size)
     modulation = np.ascontiguousarray(sight.phase.modulation, np.float32)
     cut = half_lit(image, modulation, rays, profile, dark)
     shown = row_median(rays.sample(modulation, PLATEAU).reshape(len(target), -1)) / profile.contrast
@@ -89,7 +90,11 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     light, unsure = _light(moved, np.where(cut, np.nan, bright), profile, shadowed, dark)
     ground = PLAIN if coded else grain(image, rays, profile.window, (profile.gentle - TOUCHED) / rays.minor)
     noise = noise_model(image, rays, profile, ground)
-    uv, cov = ESTIMATORS[sight.testfield.estimator](image, rays, profile, light, noise)
+    estimated = ESTIMATORS[sight.testfield.estimator]
+    uv, cov = estimated(image, rays, profile, light, noise)
+    if image is not whole:
+        drawn = MODELLED * (uv - estimated(whole, rays, profiles(whole, rays, spacing / size), light, noise)[0])
+        cov = cov + drawn[:, :, None] * drawn[:, None, :]
     moment = rays.ellipse @ np.swapaxes(rays.ellipse, 1, 2) / 4  # what a change of the light moves a dot by
     cov = cov + moment @ unsure @ moment
     diameter = 2 * np.sqrt(np.abs(np.linalg.det(rays.ellipse)))
