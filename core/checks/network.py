@@ -19,9 +19,8 @@ from core.numerics import chi_square_limit, distinct, median_of, nearest, normal
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
-FINE = (
-    0.02  # px, r.m.s.: residuals so small fail nothing, whatever sigmas they were given; few dots are measured better
-)
+FINE = 0.02  # px, r.m.s.: residuals so small fail nothing, whatever the sigmas; few dots are measured better
+UNEVEN = 0.006  # px that uneven pixels, print or coarse rendering add to a coordinate beside the noise sigmas are of
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 TAILS = 2.5  # root mean square of residuals over their sigma by the median; images that are off as a whole make it 1.9
 AGREEING = 0.5  # correlation of neighbours' residuals: half their variance is common to them
@@ -59,6 +58,9 @@ def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
     """What to say of an adjustment that nothing speaks against."""
     told = ", ".join(f"{name} {factor**0.5:.2f}" for name, (factor, _) in factors(adjustment).items())
     words = [f"residuals over the sigmas given: {told}; nothing systematic"] if told else []
+    for name, (factor, redundancy) in factors(adjustment).items():
+        if factor > critical(redundancy):
+            words.append(f"{name}: the images err by {_rms(adjustment, name):.2g} px, more than by their noise alone")
     if names := ", ".join(cautious(adjustment)):
         words.append(f"{names}: the sigmas given are larger than the residuals show; those of the results follow these")
     return tuple(words)
@@ -95,23 +97,31 @@ def critical(redundancy: float) -> float:
     return DOUBTFUL_RATIO**2 * chi_square_limit(redundancy, LEVEL) / redundancy
 
 
+def _rms(adjustment: Adjustment, device: str) -> float:
+    """Residuals of a device's coordinates, r.m.s. px."""
+    return float(np.sqrt(np.nanmean(adjustment.residuals[adjustment.network.made_by[device]] ** 2)))
+
+
 def _chi_square(adjustment: Adjustment) -> list[Concern]:
-    """H0: residuals are at most `DOUBTFUL_RATIO` times what the sigmas given allow."""
+    """H0: residuals are at most `DOUBTFUL_RATIO` times what the sigmas given and uneven pixels allow."""
     concerns = []
+    network = adjustment.network
     for name, (factor, redundancy) in factors(adjustment).items():
-        limit, ratio = critical(redundancy), float(np.sqrt(factor))
+        uneven = UNEVEN**2 * float(np.mean(network.observation_sigma[network.made_by[name]] ** -2.0))
+        limit, ratio = (1 + uneven) * critical(redundancy), float(np.sqrt(factor))
         if ratio < ANOTHER_UNIT and redundancy > 10:
             text = f"{name}: residuals are {ratio:.2g} times what the sigmas of its observations allow: another unit?"
             concerns.append(Concern("doubtful", text))
         if factor <= limit:
             continue
         text = (
-            f"{name}: residuals are {ratio:.3g} times what the sigmas of its observations allow (chi-square test, "
-            f"variance factor {factor:.3g}; up to {limit:.3g} is what sigmas known to a half explain): "
+            f"{name}: residuals are {ratio:.3g} times what the sigmas of its observations allow (chi-square "
+            f"test, variance factor {factor:.3g}; up to {limit:.3g} is what sigmas known to a half and uneven pixels "
+            "explain): "
         )
         worst = _worst_station(adjustment, name)
         text += f"{worst}; " if worst else ""
-        rms = float(np.sqrt(np.nanmean(adjustment.residuals[adjustment.network.made_by[name]] ** 2)))
+        rms = _rms(adjustment, name)
         if fine := rms < FINE:
             added = f"they are {rms:.2g} px, what uneven pixels, print or coarse rendering add to noise"
             text += f"{added}; "

@@ -153,10 +153,10 @@ def test_whatever_is_said_of_running_work_has_a_translation(german: None) -> Non
         (
             "its photogrammetric calibration is failed: camera: residuals are 3.1 times what the sigmas of its "
             "observations allow (chi-square test, variance factor 9.8; up to 2.9 is what sigmas known to a half "
-            "explain): 40 % of it comes from station 1",
+            "and uneven pixels explain): 40 % of it comes from station 1",
             "die Kalibrierung photogrammetrisch ist durchgefallen: Kamera: die Verbesserungen sind das 3.1fache "
             "dessen, was die σ der Beobachtungen erlauben (Chi-Quadrat-Test, Varianzfaktor 9.8; bis 2.9 erklären auf "
-            "die Hälfte bekannte σ): 40 % davon kommt aus dem Standpunkt 1",
+            "die Hälfte bekannte σ und ungleiche Pixel): 40 % davon kommt aus dem Standpunkt 1",
         ),
         ("2 of 5 captures: not decoded yet (a, b)", "2 von 5 Aufnahmen: noch nicht dekodiert (a, b)"),
         (
