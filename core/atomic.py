@@ -68,7 +68,8 @@ def atomic_write(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
         if durable:
             flush_folder(path.parent)
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # on a disk that may only be read it says so though nothing is there
+            part.unlink()
 
 
 def write_together(contents: Mapping[Path, bytes]) -> list[Path]:
