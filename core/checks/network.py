@@ -107,7 +107,7 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
     concerns = []
     network = adjustment.network
     for name, (factor, redundancy) in factors(adjustment).items():
-        uneven = UNEVEN**2 * float(np.mean(network.observation_sigma[network.made_by[name]] ** -2.0))
+        uneven = UNEVEN**2 * float(np.nanmean(network.observation_sigma[network.made_by[name]] ** -2.0))
         limit, ratio = (1 + uneven) * critical(redundancy), float(np.sqrt(factor))
         if ratio < ANOTHER_UNIT and redundancy > 10:
             text = f"{name}: residuals are {ratio:.2g} times what the sigmas of its observations allow: another unit?"
