@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from warnings import catch_warnings
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebfit, chebval
@@ -102,7 +103,8 @@ def _straight(given: Array, camera: AdjustedDevice) -> Edge:
 
     def distance(p: Array, at: Array) -> Array:
         curve = bent(p, BENDS)
-        course = chebfit(along(curve), (curve - middle) @ normal, DEGREE)
+        with np.errstate(all="ignore"), catch_warnings(action="ignore"):  # of a fit that goes astray where no edge is
+            course = chebfit(along(curve), (curve - middle) @ normal, DEGREE)
         return np.asarray((at - middle) @ normal - chebval(along(at), course))
 
     return Edge(

@@ -139,13 +139,17 @@ def write_cloud(out: Path, image: Floats, cloud: PointCloud) -> int:
     from core.reconstruct import exporter_for
 
     exporter = exporter_for(out)
+    check_cloud(out, joined=min(cloud.valid.shape) < 2)
     with atomic_write(out) as file:
         return exporter.write(file, cloud, image)
 
 
-def check_cloud(out: Path) -> None:
-    """Refuse a file that `write_cloud` could not write, before the work begins."""
-    from core.reconstruct import exporter_for
+def check_cloud(out: Path, joined: bool = False) -> None:
+    """Refuse a file that `write_cloud` could not write, before the work begins; `joined` of points without pixels."""
+    from core.reconstruct import EXPORTERS, exporter_for
 
-    exporter_for(out)
+    if exporter_for(out).holds == "mesh" and joined:
+        others = ", ".join(sorted(ending for ending, kind in EXPORTERS.items() if kind.holds != "mesh"))
+        seen = "is of triangles between neighbouring pixels, which points of several images are not"
+        raise InputError(out, seen, f"give a file name ending in one of {others}, or one capture's points by --camera")
     check_place(out)

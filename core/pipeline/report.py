@@ -186,6 +186,11 @@ def outdated_words(project: Project, method: Method | None = None) -> tuple[str,
     return _states(project).outdated("calibrate")
 
 
+def outdated_evaluation(project: Project) -> tuple[str, ...]:
+    """Say why the figures of planes do not follow from what is there, or the calibrations that they are by."""
+    return _outdated(_states(project))
+
+
 def outdated_beside(project: Project) -> Callable[[], tuple[str, ...]]:
     """Begin to find that out of all calibrations; give what waits for it."""
     return beside(lambda: outdated_words(project))

@@ -13,7 +13,7 @@ from core.fields import text_of
 from core.figures import evaluation_figures
 from core.model import PlaneEvaluation, Project
 from core.pipeline.calibrate import load_calibrations
-from core.pipeline.report import parts_of_report
+from core.pipeline.report import outdated_evaluation, parts_of_report
 from core.pipeline.runs import SIGN_OFF, current_runs, run_folder
 from core.pipeline.signed import withdraw_sign_off
 from core.pipeline.tables import kept_evaluation
@@ -32,7 +32,8 @@ def sign_project(
     Raises
     ------
     InputError
-        If there is nothing to sign, or a verdict failed and `sign_off.despite` does not say why it is signed.
+        If there is nothing to sign, or a verdict failed or the figures are outdated and `sign_off.despite` does not say
+        why they are signed.
     """
     if sign_off is None or not sign_off.operator.strip():
         withdraw_sign_off(project)
@@ -40,8 +41,12 @@ def sign_project(
     signed = kept_evaluation(project) if evaluations is None else evaluations
     if not signed:
         raise InputError(project.path, "no evaluation to sign", "run `stripe-core evaluate` first")
-    if sign_off.despite and not failed_verdicts(project, signed):
-        sign_off = replace(sign_off, despite="")  # nothing failed that it would be in spite of
+    outdated = outdated_evaluation(project)
+    if outdated and not sign_off.despite.strip():
+        remedy = "run `stripe-core update`, or write why you sign all the same (`despite`, in the window the reason)"
+        raise InputError("sign-off", f"the evaluation is outdated: {outdated[0]}", remedy)
+    if sign_off.despite and not outdated and not failed_verdicts(project, signed):
+        sign_off = replace(sign_off, despite="")  # there is nothing that it would be in spite of
     save_sign_off(project, sign_off, signed)
 
 

@@ -34,7 +34,7 @@ def export_points(
     progress: Progress = SILENT,
 ) -> int:
     """Write the points of a capture for another program, by the name's ending; give their number."""
-    pipeline.reconstruct.check_cloud(out)
+    pipeline.reconstruct.check_cloud(out, joined=not devices)
     if not devices:  # of all cameras
         image, cloud = pipeline.views.reconstruct_views(project, capture, fill=fill, progress=progress)
     else:
@@ -46,7 +46,7 @@ def export_points(
 
 def merge_points(project: Project, names: list[str], out: Path, progress: Progress = SILENT) -> pipeline.merge.Merged:
     """Join captures of one object, and write their points for another program."""
-    pipeline.reconstruct.check_cloud(out)
+    pipeline.reconstruct.check_cloud(out, joined=True)
     merged = pipeline.merge.merge_captures(project, names, progress=progress)
     pipeline.reconstruct.write_cloud(out, merged.image, merged.cloud)
     return merged

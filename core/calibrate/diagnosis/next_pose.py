@@ -157,8 +157,8 @@ def _equations_of(solved: Solved, poses: list[Pose]) -> Callable[[int], Array]:
     """Give the whitened equations of a pose, which is eliminated, in the shared unknowns."""
     network, names = solved.network, solved.problem.device_names
     with np.errstate(divide="ignore"):
-        sigmas = 1 / solved.problem.root_weight
-    usual = [np.median(sigmas[solved.problem.device == d], axis=0) for d in range(len(names))]
+        known = 1 / solved.problem.root_weight
+    usual = [np.median(known[solved.problem.device == d], axis=0) for d in range(len(names))]
     rigid = bool((solved.problem.base != np.arange(len(names))).any())
     station, point, sigma = [], [], []
     for k, pose in enumerate(poses):
@@ -167,7 +167,7 @@ def _equations_of(solved: Solved, poses: list[Pose]) -> Callable[[int], Array]:
             station += [k * len(names) + d] * len(few)
             point += few.tolist()
             sigma += [usual[d] * np.sqrt(len(few) / len(seen))] * len(few)
-    stations = range(len(poses) * len(names))
+    stations, sigmas = range(len(poses) * len(names)), np.array(sigma)
     more = replace(
         network,
         station_names=tuple(map(str, stations)),
@@ -176,8 +176,9 @@ def _equations_of(solved: Solved, poses: list[Pose]) -> Callable[[int], Array]:
         station_ids=(),
         observation_station=np.array(station),
         observation_point=np.array(point),
-        observation_uv=np.zeros((len(point), 2)),
-        observation_sigma=np.array(sigma),
+        # what is never seen, such as rows by a projector that shows columns alone, is not seen here either
+        observation_uv=np.where(np.isfinite(sigmas), 0.0, np.nan),
+        observation_sigma=sigmas,
     )
     problem = problem_of(more, by_points=False)
     each = [Pose(solved.state.relative_rotation[d], solved.state.relative_shift[d]) for d in range(len(names))]

@@ -186,6 +186,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
         if one_pair:
             other = f"--method {options.method}" if options.method else "--projector"
             raise InputError("--rays", f"{rays} does not go with {other}", "leave one of the two out")
+        pipeline.reconstruct.check_cloud(options.out, joined=not options.camera)
         named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill), "orient": options.orient}
         image, cloud = pipeline.views.reconstruct_views(project, options.capture, **named, progress=progress)
     else:
@@ -219,7 +220,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _merge(options: Options, progress: Progress) -> dict[str, Any]:
-    pipeline.reconstruct.check_cloud(options.out)
+    pipeline.reconstruct.check_cloud(options.out, joined=True)
     merged = pipeline.merge.merge_captures(options.project, options.captures, by=options.by, progress=progress)
     points = pipeline.reconstruct.write_cloud(options.out, merged.image, merged.cloud)
     for line in pipeline.merge.merge_words(merged):

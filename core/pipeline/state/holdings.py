@@ -85,7 +85,9 @@ class Holdings:
         path = result_path(self.project, name)
         try:
             head: dict[str, Any] = read_head(path) if path.exists() else {"value": ()}
-            return head.get("made_from"), {each["fields"]["capture"]: each["fields"] for each in head["value"]}, ""
+            shown = path.with_suffix(".json")  # the same for other programs, written after it
+            damage = f"{shown}: is missing" if path.exists() and not shown.exists() else ""
+            return head.get("made_from"), {each["fields"]["capture"]: each["fields"] for each in head["value"]}, damage
         except StripeError as error:
             return None, {}, str(error)
         except (TypeError, KeyError, AttributeError):
