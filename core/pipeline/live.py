@@ -113,6 +113,7 @@ def live_cycles(
     chosen, calibration = chosen_calibration(project, method)
     if count < 0:
         raise InputError("--count", str(count), "give a whole number from 0 on; 0 goes on until it is ended")
+    ending = ending.removeprefix(".")
     if out is not None:
         check_cloud(out / f"0001.{ending}")
     record = METHODS[chosen]

@@ -308,7 +308,7 @@ def write_project(
 
 def write_testfield(path: Path, testfield: Testfield, comment: str = "") -> None:
     """Write the nominal targets of a board."""
-    lines = [f"# {line}" for line in comment.splitlines()]
+    lines = [f"# {' '.join(comment.split())}"] if comment else []  # no line of its own may say what a board is
     usual = {"kind": Testfield.kind, "estimator": Testfield.estimator}
     lines += [f"# {key}: {said}" for key, value in usual.items() if (said := getattr(testfield, key)) != value]
     lines += [f"# polarity: {testfield.polarity}", ",".join(_COLUMNS)]

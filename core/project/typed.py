@@ -14,7 +14,7 @@ from core.project.captures import ENOUGH, read_testfield
 from core.project.rigs import read_bar, read_rig
 
 Number = TypeVar("Number", int, float)
-MOST_TARGETS = 100_000  # of a board by numbers: no camera sees as many
+MOST_TARGETS = 10_000  # of a board by numbers: no camera sees as many
 
 
 def typed_rig(cameras: Sequence[str], projectors: Sequence[str]) -> Rig:

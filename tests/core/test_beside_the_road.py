@@ -15,7 +15,7 @@ from core.cli import main
 from core.evaluate import line_across
 from core.geometry import Pose, project
 from core.model import Interior
-from core.pipeline import evaluate_project
+from core.pipeline import evaluate_project, project_states, update_project
 from core.pipeline.evaluate import load_evaluation
 from core.pipeline.signed import load_sign_off
 from core.project import read_capture, read_project
@@ -192,6 +192,34 @@ def test_signing_and_withdrawing(evaluated: Path, tmp_path: Path) -> None:
     assert (signed.operator, signed.date, signed.remark) == ("A. Operator", "2026-01-02", "as agreed")
     assert figures(tmp_path, "sign", evaluated, "--withdraw") == {"signed": False}
     assert load_sign_off(loaded, load_evaluation(loaded)) is None
+
+
+def test_outdated_figures_are_signed_only_with_a_reason(evaluated: Path, tmp_path: Path, capsys) -> None:
+    """They were signed without a word, and the report then said that nobody had."""
+    rig = evaluated / "project.json"
+    data = json.loads(rig.read_text())
+    data["scale"]["length_mm"] *= 1.01
+    rig.write_text(json.dumps(data))
+    assert main(["sign", str(evaluated), "--operator", "A"]) == 2
+    assert "the evaluation is outdated" in (told := capsys.readouterr().err)
+    assert "scale.length_mm" in told
+    assert not list(evaluated.glob("results/**/sign-off.json"))
+    figures(tmp_path, "sign", evaluated, "--operator", "A", "--despite", "the scale is another board's")
+    signed = load_sign_off(read_project(evaluated), load_evaluation(read_project(evaluated)))
+    assert signed is not None
+    assert signed.despite == "the scale is another board's"
+
+
+def test_figures_for_other_programs_that_were_deleted_come_back(evaluated: Path) -> None:
+    results = evaluated / "results"
+    for name, stage in (("targets.json", "measure"), ("evaluation.json", "evaluate")):
+        held = json.loads((results / name).read_text())
+        (results / name).unlink()
+        project = read_project(evaluated)
+        assert project_states(project).stages[stage].state == "outdated"
+        update_project(project)
+        assert json.loads((results / name).read_text()).keys() == held.keys()
+        assert project_states(read_project(evaluated)).stages[stage].state == "current"
 
 
 @pytest.mark.parametrize(

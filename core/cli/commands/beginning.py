@@ -58,7 +58,7 @@ def _create(options: Options, progress: Progress) -> dict[str, Any]:
         print(f"{folder / file}: {len(board.row)} targets")
     named = quote(str(folder))
     print(f"next: stripe-core testfield {named} --out board.pdf")
-    print(f"then: stripe-core capture {named} NAME --role testfield")
+    print(f"then: stripe-core capture {named} NAME --role testfield --projector URL --camera URL")
     targets = {file: len(board.row) for file, board in boards.items()}
     return {"project": str(folder), "devices": list(rig.devices), "targets": targets}
 

@@ -110,7 +110,8 @@ def _guess(options: Options, progress: Progress) -> dict[str, Any]:
     kept = pipeline.picking.accept_guesses(project, found, options.accept) if options.accept else []
     for name, guesses in found.items():
         first = "; ".join(f"{s.row},{s.col} at {s.u:.1f},{s.v:.1f}" for s in guesses[0]) if guesses else "no guess"
-        print(f"{name:20s} {len(guesses)} guesses: {first}{'  (kept)' if name in kept else ''}")
+        state = "  (kept)" if name in kept else f"  (none is number {options.accept})" if options.accept else ""
+        print(f"{name:20s} {len(guesses)} guesses: {first}{state}")
     if not found:
         print("every board has picks")
     return {

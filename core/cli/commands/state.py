@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
 from core import pipeline
 from core.cli.arguments import Commands, Options, UnfinishedError
+from core.cli.console import print_verdict
+from core.errors import InputError
 from core.progress import Progress
 
 
@@ -52,13 +55,21 @@ def _update(options: Options, progress: Progress) -> dict[str, Any]:
     def tell(text: str) -> None:
         print(text, flush=True)
 
+    from core.figures import verdict_figures
+
     update = pipeline.update_project(options.project, progress, tell)
     if not update.done:
         print("nothing to do")
+    verdicts = {}
+    with suppress(InputError):  # there is none
+        for method, calibration in pipeline.load_calibrations(options.project).items():
+            verdicts[method] = verdict_figures(calibration.verdict)
+            if verdicts[method]["state"] != "passed":
+                print_verdict(method, verdicts[method])
     left = {stage: state for stage, state in update.states.stages.items() if state.state != "current"}
     for stage, state in left.items():
         print(f"left: {stage} is {state.state}: {'; '.join(state.because)}", file=sys.stderr)
-    return {"done": list(update.done), **update.states.as_dict()}
+    return {"done": list(update.done), "verdicts": verdicts, **update.states.as_dict()}
 
 
 def _check(options: Options, progress: Progress) -> dict[str, Any]:

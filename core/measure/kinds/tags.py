@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import NotRecognisedError
+from core.errors import InputError, NotRecognisedError
 from core.lazy import dataclass
 from core.measure.board import Board
 from core.measure.kinds.chessboard import (
@@ -169,7 +169,7 @@ def _guess(
 def _check_size(grey: NDArray[np.uint8], H: Array, places: Array, quads: Array) -> None:
     """Compare tags, outlines (n, 4, 2) px, with what the board's way to the image makes of their size."""
     foretold = _areas(_mapped(H, places[:, None] + _UNIT - 0.5).reshape(-1, 4, 2))
-    half = max(2, int(np.sqrt(np.median(foretold)) / 10))
+    half = max(3, int(np.sqrt(np.median(foretold)) / 7))  # detected outlines cut corners off; gaps are a fifth and more
     found = _areas(refined(grey, quads.reshape(-1, 2), half).reshape(-1, 4, 2))
     ratio = float(np.sqrt(np.median(found / foretold)))
     if np.median(foretold) > TELLING_PX**2 and abs(ratio - 1) > UNLIKE:
@@ -261,7 +261,9 @@ _UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 def _drawn_tags(name: str, frame: int, middles: Array, side: float, half_turn: bool = False) -> tuple[Patch, ...]:
     """Tags upright, X to the right and Y upwards: a dark square each, and its white cells joined along lines."""
     marks = _marks(name)
-    n = marks.markerSize + 2 * frame
+    most, n = len(marks.bytesList), marks.markerSize + 2 * frame
+    if len(middles) > most:
+        raise InputError("testfield", f"{len(middles)} tags", f"there are {most} of this kind: use fewer, larger ones")
     drawn = []
     for number in np.flatnonzero(np.isfinite(middles[:, 0])).tolist():
         first = middles[number] + np.array([-side / 2, side / 2])

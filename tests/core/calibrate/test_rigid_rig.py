@@ -508,6 +508,15 @@ def test_the_side_of_the_board_that_a_pose_names_is_the_nearest():
         assert words.endswith("towards the camera; rolled by 90°; 600 mm away")
 
 
+def test_poses_for_a_projector_that_shows_columns_alone_bring_nothing_of_its_rows(measured):
+    """They ended with an IndexError: what was never observed was taken for observed in the pose to come."""
+    _, rig, field, sets, bar = measured
+    columns = [replace(t, projector_uv=t.projector_uv * (1.0, np.nan)) for t in sets[:6]]
+    for best in next_poses(network_from_targets(rig, field, columns, scale=bar), 2):
+        assert 0 < best.gain < 1
+        assert best.parameter != "projector.y0"
+
+
 def test_what_one_more_pose_brings_is_what_an_adjustment_with_it_has(measured):
     _, rig, field, sets, bar = measured
     options = AdjustOptions(variance_components=True)

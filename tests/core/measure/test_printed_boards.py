@@ -100,6 +100,15 @@ def test_dots_too_close_for_rings_are_refused_with_the_room_they_need() -> None:
         print_testfield(close, Path("unused.svg"))
 
 
+@pytest.mark.parametrize("kind", ["aprilgrid", "tags"])
+def test_more_tags_than_there_are_of_a_kind_are_refused_by_their_number(kind: str) -> None:
+    row, col = (a.ravel() for a in np.mgrid[0:48, 0:50])
+    xyz = np.column_stack([col // 2 * 13.0 + col % 2 * 10, row // 2 * 13.0 + row % 2 * 10, 0.0 * row])
+    field = Testfield(row, col, xyz, np.full(len(row), 3.0), "black-on-white", kind)
+    with pytest.raises(InputError, match="600 tags; there are 587 of this kind"):
+        print_testfield(field, Path("unused.svg"))
+
+
 @pytest.mark.parametrize("seed", [0, 3, 11])
 def test_few_blurred_tags_joined_by_their_corners_are_told(seed: int) -> None:
     """Sixteen tags, a quarter of them hidden: fewer than four were parted from each other in six of 40 such images."""
@@ -162,6 +171,18 @@ def test_tags_of_another_size_than_the_file_says_are_named(kind: str) -> None:
     image, _ = photograph(board_of(kind), np.random.default_rng(12), 20, hidden=True)
     with pytest.raises(NotRecognisedError, match=r"tags are 0\.9\d times as large as the testfield file says"):
         recognise(phase_of(image), closer_tags(kind), SPEC)
+
+
+@pytest.mark.parametrize("scale", [0.55, 0.7])
+def test_small_tags_joined_by_their_corners_have_their_size(scale: float) -> None:
+    """Of 27 px; their outlines as detected lack the corners, and were called 0.87 times as large as the file says."""
+    large = field_of("aprilgrid")
+    field = replace(large, xyz_mm=scale * large.xyz_mm, diameter_mm=scale * large.diameter_mm)
+    image, truth = photograph(printed(field), np.random.default_rng(3), 15, hidden=False, blur=(0.4, 0.5))
+    found, _ = recognise(phase_of(image), field, SPEC)
+    at = [field.index()[key] for key in zip(found.row.tolist(), found.col.tolist(), strict=True)]
+    assert len(found.row) > 0.9 * len(field.row)
+    assert np.abs(found.camera_uv - truth[at]).max() < 0.5
 
 
 def test_tags_of_another_size_beside_the_board_are_no_reason_to_refuse_it() -> None:

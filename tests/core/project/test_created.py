@@ -38,6 +38,12 @@ def test_a_board_comes_from_a_file_with_its_kind(tmp_path: Path) -> None:
     assert read_testfield(tmp_path / "p" / "testfield.csv").kind == "chessboard"
 
 
+def test_a_name_of_several_lines_says_nothing_of_the_board(tmp_path: Path) -> None:
+    assert main(["create", str(tmp_path / "p"), *PAIR, "--name", "A rig\nkind: rings\npolarity: black-on-white"]) == 0
+    field = read_testfield(tmp_path / "p" / "testfield.csv")
+    assert (field.kind, field.polarity) == ("dots", "white-on-black")
+
+
 def test_several_cameras_and_a_projector_that_labels_places(tmp_path: Path) -> None:
     cameras = ("--camera", "left=1280x1024,0.0048,8", "--camera", "right=1280x1024,0.0048x0.005,8.5")
     assert main(["create", str(tmp_path / "p"), *cameras, "--projector", "lamp=912x1140", "--name", "Two"]) == 0

@@ -14,6 +14,7 @@ import pytest
 
 from core.errors import InputError
 from core.model import PointCloud
+from core.pipeline.reconstruct import check_cloud, write_cloud
 from core.reconstruct import EXPORTERS, exporter_for
 
 HEIGHT, WIDTH = 5, 7
@@ -53,6 +54,19 @@ def sound_faces(corners: np.ndarray) -> None:
 
 def test_all_endings_of_the_contract_are_there() -> None:
     assert set(EXPORTERS) == {f".{name}" for name in ["npz", "ply", "stl", "obj", "glb", "pcd", "xyz", "e57", "las"]}
+
+
+@pytest.mark.parametrize("ending", [".stl", ".obj", ".glb"])
+def test_points_of_several_images_make_no_mesh(ending: str, cloud: PointCloud, tmp_path: Path) -> None:
+    """Files without a triangle were written, and called so many points."""
+    joined = PointCloud(points(cloud)[None], None, np.full((1, len(points(cloud))), 0.02, np.float32))
+    out = tmp_path / f"joined{ending}"
+    for attempt in (lambda: check_cloud(out, joined=True), lambda: write_cloud(out, IMAGE, joined)):
+        with pytest.raises(InputError, match=r"triangles between neighbouring pixels.*\.npz.*--camera"):
+            attempt()
+    assert not out.exists()
+    check_cloud(out)
+    assert write_cloud(out.with_suffix(".ply"), joined.xyz_mm[..., 2], joined) == len(points(cloud))
 
 
 def test_an_unknown_ending_is_refused_with_the_known_ones() -> None:
