@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 import sys
 import time
-from typing import Any, TextIO
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from core.model import Project
 
 COLOURS = {"failed": "\033[31m", "doubtful": "\033[33m", "passed": "\033[32m"}
 MOST = 12  # lines of what was left out
@@ -77,6 +81,13 @@ def print_plane_verdicts(planes: list[dict[str, Any]], several: bool) -> None:
     for plane in planes:
         pair = f", {plane['camera']} with {plane['projector']}" if several else ""
         print_verdict(f"{plane['capture']}{pair}, {plane['method']}", plane["verdict"])
+
+
+def tell_outdated(project: Project, words: Sequence[str]) -> None:
+    """Say in a line on stderr if what was used does not follow from what the project holds."""
+    if words:
+        told = f"{'; '.join(words)}; run `stripe-core update {project.path}`"
+        print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)
 
 
 def print_left_out(entries: list[dict[str, Any]]) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, check_out, tell_devices
+from core.cli.console import print_verdict, tell_outdated
 from core.errors import InputError, StripeError
 from core.progress import Progress
 
@@ -173,7 +174,6 @@ def _runs(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _uncertainty(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.cli.console import print_verdict
     from core.pipeline.volumes import volume_figures
 
     figures = _volume(options, volume_figures)
@@ -226,7 +226,6 @@ def _volume(
 
 
 def _cross_validate(options: Options, progress: Progress) -> dict[str, Any]:
-    from core.cli.console import print_verdict
     from core.figures import verdict_figures
     from core.pipeline.volumes import left_out_figures, left_out_verdict
 
@@ -291,6 +290,7 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
     if options.out is not None:
         write_profile_csv(options.out, found)
         print(options.out)
+    tell_outdated(project, pipeline.report.outdated_evaluation(project))
     return {"capture": options.capture, "profiles": figures}
 
 
@@ -304,6 +304,7 @@ def _tables(options: Options, progress: Progress) -> dict[str, Any]:
         files += pipeline.tables.export_deviations(project, evaluations, options.out, progress=progress.part(0.2, 1.0))
     for file in files:
         print(file)
+    tell_outdated(project, pipeline.report.outdated_evaluation(project))
     return {"files": [str(file) for file in files]}
 
 

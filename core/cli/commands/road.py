@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from core import pipeline
 from core.cli.arguments import Commands, Options, add_devices, check_out, method_name
-from core.cli.console import print_left_out, print_plane_verdicts, print_verdict
+from core.cli.console import print_left_out, print_plane_verdicts, print_verdict, tell_outdated
 from core.errors import InputError, StripeError
 from core.progress import Progress
 
@@ -215,7 +213,7 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
             "of the {object_px} pixels of the object {by_code:.1%} by code, {filled:.1%} with texture".format(**covered)
         )
         figures["covered"] = covered
-    _tell(options, asked()[0])
+    tell_outdated(options.project, asked()[0])
     return figures
 
 
@@ -228,7 +226,7 @@ def _merge(options: Options, progress: Progress) -> dict[str, Any]:
     print(f"{options.out}: {points} points")
     figures = pipeline.merge.merge_figures(merged)
     print_verdict("the merged points", figures["verdict"])
-    _tell(options, pipeline.report.outdated_words(options.project))
+    tell_outdated(options.project, pipeline.report.outdated_words(options.project))
     return {**figures, "out": str(options.out)}
 
 
@@ -242,13 +240,13 @@ def _evaluate(options: Options, progress: Progress) -> dict[str, Any]:
     print_plane_verdicts(figures["planes"], not project.rig.is_pair)
     print()
     print(pipeline.report.table_of_planes(project, evaluations))
-    _tell(options, outdated())
+    tell_outdated(options.project, outdated())
     return figures
 
 
 def _report(options: Options, progress: Progress) -> dict[str, Any]:
     paths = pipeline.report_project(options.project, options.out, progress)
-    _tell(options, paths.outdated)
+    tell_outdated(options.project, paths.outdated)
     print(f"{paths.html}\n{paths.pdf}")
     return {"html": str(paths.html), "pdf": str(paths.pdf)}
 
@@ -280,10 +278,3 @@ def _print_doubts(capture: str, figures: dict[str, Any], several: bool) -> None:
     of_points = figures.get("reconstruct", {}).get("verdict")
     if not planes and of_points and of_points["state"] != "passed":
         print_verdict(capture, of_points)
-
-
-def _tell(options: Options, words: Sequence[str]) -> None:
-    """Say in a line on stderr if the calibrations that were used do not follow from what the project holds."""
-    if words:
-        told = f"{'; '.join(words)}; run `stripe-core update {options.project.path}`"
-        print(f"stripe-core: made from something else than the project holds now: {told}", file=sys.stderr)
