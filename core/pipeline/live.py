@@ -114,12 +114,12 @@ def live_cycles(
     if count < 0:
         raise InputError("--count", str(count), "give a whole number from 0 on; 0 goes on until it is ended")
     ending = ending.removeprefix(".")
-    if out is not None:
-        check_cloud(out / f"0001.{ending}")
     record = METHODS[chosen]
     usual, own = record.pair(project, calibration) if record.one_pair else project.rig.usual
     shown_by = shown_by or own
     cameras = _cameras(project, camera, "" if record.joint else usual)
+    if out is not None:
+        check_cloud(out / f"0001.{ending}", joined=record.joint and len(cameras) > 1)
     check_names(project, "camera", cameras)
     check_names(project, "projector", [shown_by])
     maker = _Maker(project, chosen, calibration, tuple(cameras), shown_by)

@@ -81,7 +81,10 @@ def _capture(options: Options, progress: Progress) -> dict[str, Any]:
         progress=progress,
         png=options.png,
     )
-    return {**_shown(report), "retakes": report.retakes, "repeats": report.repeats}
+    figures = {**_shown(report), "retakes": report.retakes, "repeats": report.repeats}
+    if not url and not options.camera:
+        print("  on the virtual bench: neither --projector nor --camera was given")
+    return figures
 
 
 def _shown(report: Any) -> dict[str, Any]:
