@@ -291,10 +291,10 @@ def _relative(name: str, frames: int, size: tuple[int, int], light: RigLight) ->
 
 def _chosen(name: str, frames: int, size: tuple[int, int], light: RigLight) -> SequenceSpec | None:
     """Choose among the options of a family that the frames allow; None where there are too few."""
-    choices = [spec for spec in _choices(name, frames, size) if name in ONE or len(spec.patterns(size)) <= frames]
-    return (
-        min(choices, key=lambda spec: _noise(spec.patterns(size), light)) if len(choices) > 1 else (*choices, None)[0]
-    )
+    if name in ONE:
+        return _choices(name, frames, size)[0]
+    choices = [spec for spec in _choices(name, frames, size) if len(spec.patterns(size)) <= frames]
+    return min(choices, key=lambda spec: _noise(spec.patterns(size), light), default=None)
 
 
 def _choices(name: str, frames: int, size: tuple[int, int]) -> Sequence[SequenceSpec]:

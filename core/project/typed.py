@@ -69,16 +69,19 @@ def typed_board(option: str, text: str, black_on_white: bool = False) -> Testfie
             raise InputError(option, f"{text}: {len(board.row)} targets", f"a board needs {ENOUGH} at least")
         return board
     try:
-        size, spacing, diameter = text.split(",")
+        size, *lengths = text.split(",")
         rows, columns = _numbers(int, size, "x")
-        if min(rows, columns) < 2 or not 0 < float(diameter) < float(spacing) < float("inf"):
+        spacing, diameter = map(float, lengths)
+        if min(rows, columns) < 2 or not all(0 < length < float("inf") for length in (spacing, diameter)):
             raise ValueError
     except ValueError:
         remedy = "give ROWSxCOLUMNS,SPACING,DIAMETER in mm, such as 13x19,12,5, or a file that ends in .csv"
         raise InputError(option, text, remedy) from None
+    if diameter >= spacing:
+        raise InputError(option, f"{text}: neighbouring targets overlap", "choose a diameter below the spacing")
     if rows * columns > MOST_TARGETS:
         raise InputError(option, f"{text}: {rows * columns} targets", f"give {MOST_TARGETS} at most")
-    sizes = rows, columns, float(spacing), float(diameter)
+    sizes = rows, columns, spacing, diameter
     return nominal_testfield(*sizes, "black-on-white" if black_on_white else "white-on-black")
 
 
