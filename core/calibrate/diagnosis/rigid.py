@@ -25,6 +25,7 @@ from core.progress import SILENT, Progress
 
 ERROR_LEVEL = 0.001  # chance that a rigid rig is called loose
 UNKNOWNS = 6  # of a free station
+WHOLE = "A1..A6"  # the lens model that has a shear, which turns with the board's roll
 ROUNDING = 1e-6  # mm and mrad: observations were computed
 NEGLIGIBLE = 0.3  # of sigma: uneven light moves all targets of an image alike by 0.1 to 0.2 sigma, no rig has to
 
@@ -67,7 +68,10 @@ def rigidity_warnings(solved: Solved, groups: Sequence[int], remedy: str = "", p
         return [f"whether the rig was rigid cannot be tested: {error.where}: {error.seen}"]
     if test.rigid:
         return []
-    return [Concern("doubtful", f"{test}; {remedy}" if remedy else str(test), about="rigid")]
+    found: Warnings = [Concern("doubtful", f"{test}; {remedy}" if remedy else str(test), about="rigid")]
+    if poorer := [name for name, device in solved.network.devices.items() if device.spec.model != WHOLE]:
+        found.append(f"{', '.join(poorer)}: what a lens model lacks can look like a loose rig, too: try {WHOLE}")
+    return found
 
 
 def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILENT) -> RigidityTest:

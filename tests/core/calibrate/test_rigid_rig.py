@@ -78,6 +78,19 @@ def test_a_network_of_others_is_told_when_what_it_holds_rigid_was_loose(loose):
     assert 'leave "rigid_with" out' in doubtful.because[0]
 
 
+def test_a_lens_model_without_a_shear_is_named_beside_the_looseness_it_looks_like(simulate):
+    """The reference rig's devices have one; under `brown` a rig at rest was told to be mounted firmly, no more."""
+    network = simulate(seed=0, poses=10).network
+    brown = {
+        name: replace(d, spec=replace(d.spec, interior=Interior(d.spec.nominal_c_mm, a=(0.0,) * 9, model="brown")))
+        for name, d in network.devices.items()
+    }
+    told = adjust(replace(network, devices=brown)).warnings
+    assert any(str(text).startswith("the rig was not rigid") for text in told)
+    assert "camera, projector: what a lens model lacks can look like a loose rig, too: try A1..A6" in told
+    assert not any("loose rig" in str(text) for text in adjust(network).warnings)
+
+
 def test_what_is_significant_and_smaller_than_the_targets_own_errors_is_no_looseness(loose):
     large, small = rigidity_test(loose(0.5)), rigidity_test(loose(0.007))
     assert small.statistic > small.critical
