@@ -19,7 +19,7 @@ from core.numerics import chi_square_limit, distinct, median_of, nearest, normal
 LEVEL = 0.001  # chance that a test, on its own, calls a sound result doubtful
 DOUBTFUL_RATIO = 1.6  # residuals over their sigmas; centroids' sigmas are known to about a half on uneven light
 FAILED_RATIO = 3.0
-FINE = 0.02  # px, r.m.s.: residuals so small fail nothing, whatever the sigmas; few dots are measured better
+FINE = 0.02  # px, r.m.s.: the size of such residuals fails nothing, whatever the sigmas; few dots are measured better
 UNEVEN = 0.006  # px that uneven pixels, print or coarse rendering add to a coordinate beside the noise sigmas are of
 ANOTHER_UNIT = 0.01  # residuals over sigmas that no carefulness explains
 TAILS = 2.5  # root mean square of residuals over their sigma by the median; images that are off as a whole make it 1.9
@@ -56,9 +56,10 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
 
 def sound_words(adjustment: Adjustment) -> tuple[str, ...]:
     """What to say of an adjustment that nothing speaks against."""
-    told = ", ".join(f"{name} {factor**0.5:.2f}" for name, (factor, _) in factors(adjustment).items())
+    found = factors(adjustment)
+    told = ", ".join(f"{name} {factor**0.5:.2f}" for name, (factor, _) in found.items())
     words = [f"residuals over the sigmas given: {told}; nothing systematic"] if told else []
-    for name, (factor, redundancy) in factors(adjustment).items():
+    for name, (factor, redundancy) in found.items():
         if factor > critical(redundancy):
             words.append(f"{name}: the images err by {_rms(adjustment, name):.2g} px, more than by their noise alone")
     if names := ", ".join(cautious(adjustment)):

@@ -138,18 +138,14 @@ def write_cloud(out: Path, image: Floats, cloud: PointCloud) -> int:
     """Write points with their grey values (H, W) in the form that the name's ending says; give the number of points."""
     from core.reconstruct import exporter_for
 
-    exporter = exporter_for(out)
-    check_cloud(out, joined=min(cloud.valid.shape) < 2)
+    exporter = exporter_for(out, joined=min(cloud.valid.shape) < 2)
     with atomic_write(out) as file:
         return exporter.write(file, cloud, image)
 
 
 def check_cloud(out: Path, joined: bool = False) -> None:
     """Refuse a file that `write_cloud` could not write, before the work begins; `joined` of points without pixels."""
-    from core.reconstruct import EXPORTERS, exporter_for
+    from core.reconstruct import exporter_for
 
-    if exporter_for(out).holds == "mesh" and joined:
-        others = ", ".join(sorted(ending for ending, kind in EXPORTERS.items() if kind.holds != "mesh"))
-        seen = "is of triangles between neighbouring pixels, which points of several images are not"
-        raise InputError(out, seen, f"give a file name ending in one of {others}, or one capture's points by --camera")
+    exporter_for(out, joined)
     check_place(out)

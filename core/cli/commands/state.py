@@ -52,10 +52,10 @@ def _cause(text: str) -> str:
 
 
 def _update(options: Options, progress: Progress) -> dict[str, Any]:
+    from core.figures import verdict_figures
+
     def tell(text: str) -> None:
         print(text, flush=True)
-
-    from core.figures import verdict_figures
 
     update = pipeline.update_project(options.project, progress, tell)
     if not update.done:

@@ -20,13 +20,13 @@ ROUNDS = 4  # the background under a dot's own light is known once its neighbour
 MODELLED = 0.3  # share of what that moves a centre, by which the blur of lenses, no Gaussian's, leaves it uncertain
 
 
-def told_apart(image: Floats, rays: Rays, spacing: Array) -> tuple[Floats, Profiles]:
+def told_apart(image: Floats, rays: Rays, spacing: Array, found: Profiles) -> tuple[Floats, Profiles]:
     """Give an image in which no dot's light is seen beyond its own window, and the dots' profiles there.
 
-    `spacing`, (m,), is the distance of the nearest other target over the dot's radius. Where no dot's light reaches
-    that far it is the image itself.
+    `found` are those in the image as it is, `spacing` as for `profiles`. Where no dot's light reaches that far they and
+    the image are given themselves.
     """
-    found, rest = profiles(image, rays, spacing), image
+    rest = image
     for _ in range(ROUNDS):
         reaching = (spacing - found.contour[:, 0] - found.window) * rays.minor < NEAR * found.blur
         reaching &= found.contrast > 0  # and known
@@ -52,9 +52,8 @@ def _beyond(shape: tuple[int, ...], rays: Rays, found: Outlines, dots: Ints) -> 
         away = np.stack(np.meshgrid(*map(np.arange, first, last)), axis=-1) - rays.centre[dot]
         radius = np.linalg.norm(away @ inverse[dot].T, axis=2)
         beyond = radius > found.contour[dot, 0]
-        part = (
-            found.contrast[dot] / share[dot] * light_of(outline[dot][None] / blur[dot], away[beyond] @ unit[dot].T)[0]
-        )
+        part = light_of(outline[dot][None] / blur[dot], away[beyond] @ unit[dot].T)[0]
+        part *= found.contrast[dot] / share[dot]
         of_windows, of_edges = lights[:, first[1] : last[1], first[0] : last[0]]
         of_edges[beyond] += part
         of_windows[beyond] += np.where(radius[beyond] > found.window[dot], part, 0)

@@ -81,7 +81,8 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     moved, _ = centroids(image, start, first, np.zeros_like(centre), (0.0, 0.0))
     moved = np.where(np.isfinite(moved), moved, centre)
     rays = Rays(moved, nominal * size[:, None, None])
-    whole, (image, profile) = image, told_apart(image, rays, spacing / size)
+    whole, usual = image, profiles(image, rays, spacing / size)
+    image, profile = told_apart(whole, rays, spacing / size, usual)
     modulation = np.ascontiguousarray(sight.phase.modulation, np.float32)
     cut = half_lit(image, modulation, rays, profile, dark)
     shown = row_median(rays.sample(modulation, PLATEAU).reshape(len(target), -1)) / profile.contrast
@@ -93,7 +94,7 @@ def _measure_dots(sight: Sight, image: Floats, lattice: Lattice, coded: bool) ->
     estimated = ESTIMATORS[sight.testfield.estimator]
     uv, cov = estimated(image, rays, profile, light, noise)
     if image is not whole:
-        drawn = MODELLED * (uv - estimated(whole, rays, profiles(whole, rays, spacing / size), light, noise)[0])
+        drawn = MODELLED * (uv - estimated(whole, rays, usual, light, noise)[0])
         cov = cov + drawn[:, :, None] * drawn[:, None, :]
     moment = rays.ellipse @ np.swapaxes(rays.ellipse, 1, 2) / 4  # what a change of the light moves a dot by
     cov = cov + moment @ unsure @ moment

@@ -18,18 +18,22 @@ EXPORTERS: dict[str, Exporter] = {
 }
 
 
-def exporter_for(path: Path) -> Exporter:
-    """Choose by a file name's ending.
+def exporter_for(path: Path, joined: bool = False) -> Exporter:
+    """Choose by a file name's ending; `joined` for points of several images, which have no pixels.
 
     Raises
     ------
     InputError
-        For an ending that is not known; it lists those that are.
+        For an ending that is not known, or of a mesh that would have no triangles; it lists those that will do.
     """
     ending = path.suffix.lower()
     if ending not in EXPORTERS:
         known = ", ".join(sorted(EXPORTERS))
         raise InputError(path, f"ends in {path.suffix!r}", f"give a file name ending in one of {known}")
+    if joined and EXPORTERS[ending].holds == "mesh":
+        others = ", ".join(sorted(ending for ending, kind in EXPORTERS.items() if kind.holds != "mesh"))
+        seen = "is of triangles between neighbouring pixels, which points of several images are not"
+        raise InputError(path, seen, f"give a file name ending in one of {others}, or one capture's points by --camera")
     return EXPORTERS[ending]
 
 
