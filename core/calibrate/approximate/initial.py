@@ -19,7 +19,7 @@ from core.calibrate.solution.equations import misclosures
 from core.calibrate.solution.problem import Problem, problem_of
 from core.calibrate.solution.state import State, interior_of, poses_in_devices
 from core.errors import AdjustmentError
-from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, undistort
+from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, similarity, undistort
 from core.model import Array, Ints, Network
 
 OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
@@ -27,6 +27,7 @@ MOST_CONDITION = 1e6  # of a point's normal equations: rays a milliradian apart
 MISPLACED = 0.5  # of the object's size: an approximate point so far from where its images intersect may be wrong
 ROUNDS = 4  # of orienting and intersecting anew
 MOST_NAMED = 5
+WRONG = 5.0  # times as far off as others in the middle, an approximate point is wrong, not rough as they are
 CONTRADICTED = 10.0  # times the misclosures there that it leaves, if it is
 ENOUGH_SAMPLES = 300  # among which the rotation in the middle is sought
 
@@ -104,9 +105,9 @@ def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network
     """Put approximate points that their images contradict where these intersect, with a warning that names them.
 
     They might lie behind a device, where nothing is projected, and would draw stations and datum. What stations they
-    drew are oriented again, which may show others.
+    drew are oriented again, which may show others. Where all are as rough, the datum stays with what was given.
     """
-    known, moved = known_points(network), np.zeros(len(network.point_names), bool)
+    given, known, moved = network, known_points(network), np.zeros(len(network.point_names), bool)
     for _ in range(ROUNDS):
         there = _intersected(problem, state, known)
         off = np.linalg.norm(there.xyz - state.xyz, axis=1)
@@ -124,18 +125,39 @@ def misplaced(network: Network, problem: Problem, state: State) -> tuple[Network
         state = initial_state(network, problem)
     if not moved.any():
         return network, problem, state, []
+    moved &= ~_rough(given.point_xyz_mm, _intersected(problem, state, known).xyz, moved)
+    network = replace(given, point_xyz_mm=np.where(moved[:, None], network.point_xyz_mm, given.point_xyz_mm))
+    begun, problem = problem, problem_of(network)
+    state = _moved(state, begun.origin_mm - problem.origin_mm)
+    if not moved.any():
+        return network, problem, state, []
     names = ", ".join(network.point_names[i] for i in np.flatnonzero(moved)[:MOST_NAMED])
     told = f"the images contradict the approximate coordinates of {np.count_nonzero(moved)} points: {names}"
     return network, problem, state, [f"{told}; they were intersected instead"]
+
+
+def _rough(given: Array, found: Array, moved: NDArray[np.bool_]) -> Bools:
+    """Which approximate points (n, 3) are as rough as the others, by where points were found, and not wrong.
+
+    The datum is theirs too, or it would depend on which of them their images moved.
+    """
+    if np.count_nonzero(~moved) < LEAST_POINTS:
+        return np.zeros(len(moved), bool)
+    scale, R, shift = similarity(found[~moved], given[~moved])
+    off = np.linalg.norm(scale * found @ R.T + shift - given, axis=1)
+    return np.asarray(off < WRONG * np.median(off[~moved]))
 
 
 def oriented_anew(network: Network, problem: Problem, state: State) -> State:
     """Orient all stations again, on the points of a solution; AdjustmentError if one cannot be oriented on them."""
     there = replace(network, point_xyz_mm=state.xyz + problem.origin_mm)
     other = problem_of(there)
-    shift = problem.origin_mm - other.origin_mm
-    found = initial_state(there, other)
-    return replace(found, pose_shift=found.pose_shift + found.pose_rotation @ shift, xyz=found.xyz - shift)
+    return _moved(initial_state(there, other), other.origin_mm - problem.origin_mm)
+
+
+def _moved(state: State, shift: Array) -> State:
+    """Move a state's points by a shift (3,), and poses with them."""
+    return replace(state, pose_shift=state.pose_shift - state.pose_rotation @ shift, xyz=state.xyz + shift)
 
 
 def _misfits(problem: Problem, state: State) -> Array:

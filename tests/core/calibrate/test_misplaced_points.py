@@ -8,6 +8,7 @@ import pytest
 
 from core.calibrate import adjust
 from core.errors import AdjustmentError
+from core.geometry import similarity
 from core.model import DeviceSpec, Interior
 from tests.core.calibrate.conftest import simulated_network
 
@@ -58,13 +59,18 @@ def test_points_told_at_wrong_places_change_nothing_and_are_named(kind, held):
     assert not any("contradict the approximate" in w for w in right.warnings)
 
 
-def test_a_board_that_is_roughly_known_is_taken_as_told(simulate):
-    network = simulate(seed=4).network
-    rough = network.point_xyz_mm + np.random.default_rng(2).normal(0, 20.0, network.point_xyz_mm.shape)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("sigma_mm", [20.0, 40.0])
+def test_a_board_that_is_roughly_known_is_taken_as_told(simulate, sigma_mm, seed):
+    """The datum is free on all approximate coordinates: no shift, turn or scale is left to them (closed form)."""
+    network = simulate(seed=4, scale=False).network
+    rough = network.point_xyz_mm + np.random.default_rng(seed).normal(0, sigma_mm, network.point_xyz_mm.shape)
     result = adjust(replace(network, point_xyz_mm=rough))
     assert not any("contradict" in w for w in result.warnings)
-    moved = result.points_mm - rough  # the datum: all approximate coordinates
-    assert np.allclose(moved.mean(axis=0), 0, atol=1e-6)
+    scale, R, shift = similarity(result.points_mm, rough)
+    assert scale == pytest.approx(1, abs=1e-9)
+    assert np.allclose(R, np.eye(3), atol=1e-9)
+    assert np.allclose(shift, 0, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(3))
