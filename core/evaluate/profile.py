@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from core.model import Array, DeviceSpec, Interior, PlaneEvaluation
 from core.numerics import four_pixels
 
 LEAST_PX = 1.0  # a shorter line has no direction worth a profile
+MOST_IMAGES = 10.0  # of the image's width and height, that a line may be long
 Pair = tuple[float, float]
 Line = tuple[Pair, Pair]  # two ends (u, v), px
 
@@ -38,9 +40,11 @@ def read_profile(evaluation: PlaneEvaluation, spec: DeviceSpec, start: Pair, sto
     Neighbouring pixels are independent, so a value interpolated with the weights w has the variance Σ w² σ².
     """
     ends = np.array([start, stop], np.float64)
-    distance = float(np.hypot(*(ends[1] - ends[0])))
+    distance = dist(start, stop)
     if not distance >= LEAST_PX:
         raise InputError("profile", f"its ends are {distance:.2f} px apart", "draw a longer line")
+    if distance > MOST_IMAGES * (spec.width + spec.height):
+        raise InputError("profile", f"its ends are {distance:.4g} px apart", "draw a line across the image")
     uv = ends[0] + np.linspace(0, 1, round(distance) + 1)[:, None] * (ends[1] - ends[0])
     deviation, _ = interpolate(evaluation.deviation_mm, uv)
     sigma = np.full(len(uv), np.nan)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     # fmt: off
     from core.pipeline import (  # noqa: F401, I001  further modules, as pipeline.runs
         calibrate, capture, decode, evaluate, features, folders, live, merge, methods, orient, orient_known, orient_rig,
-        orient_words, picking, reconstruct, report, runs, signing, tables, views,
+        orient_words, picking, reconstruct, report, runs, signed, signing, tables, views,
     )
     # fmt: on
     from core.capture.latency import probe_light as probe_light

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -176,6 +177,8 @@ def preflight_rig(
     from core.capture.rigcheck import check_rig, stay
 
     project = read_project(folder)
+    if unknown := [z for z in depths_mm if not isfinite(z)]:
+        raise InputError("--depth", f"is {unknown[0]}", "give the plate's position in mm")
     urls = devices_of(project, projector, camera)
     findings = check_rig(project, urls, depths_mm, place or stay, progress.part(0.0, 0.95))
     if out is not None:

@@ -118,8 +118,7 @@ def live_cycles(
     usual, own = record.pair(project, calibration) if record.one_pair else project.rig.usual
     shown_by = shown_by or own
     cameras = _cameras(project, camera, "" if record.joint else usual)
-    if out is not None:
-        check_cloud(out / f"0001.{ending}", joined=record.joint and len(cameras) > 1)
+    check_cloud((out or Path()) / f"0001.{ending}", joined=record.joint and len(cameras) > 1)
     check_names(project, "camera", cameras)
     check_names(project, "projector", [shown_by])
     maker = _Maker(project, chosen, calibration, tuple(cameras), shown_by)

@@ -65,6 +65,9 @@ def reconstruct_capture(
     capture = one_series(find_capture(project, name), camera, projector)
     check_pair(project, record, calibration, capture.camera, capture.projector)
     used, extrapolated = calibration, 0
+    if extrapolate and not isinstance(calibration, DepthCalibration):
+        remedy = "leave it out, or reconstruct by a depth calibration"
+        raise InputError("--extrapolate", f"does not go with the {chosen} method", remedy)
     if orient:
         if not isinstance(calibration, PhotogrammetricCalibration):
             raise InputError("--orient", f"does not go with the {chosen} method", "leave one of the two out")

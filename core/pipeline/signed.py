@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     from core.report import SignOff
 
 
-def withdraw_sign_off(project: Project) -> None:
-    """Take the sign-off of the calibrations in use back."""
-    for path in _sign_offs(project):
+def withdraw_sign_off(project: Project) -> bool:
+    """Take the sign-off of the calibrations in use back, and say whether there was one."""
+    signed = [path for path in _sign_offs(project) if path.exists()]
+    for path in signed:
         path.unlink(missing_ok=True)
+    return bool(signed)
 
 
 def _sign_offs(project: Project) -> list[Path]:

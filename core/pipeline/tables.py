@@ -95,15 +95,21 @@ def read_profiles(
     return {e.method: read_profile(e, spec, *ends) for e in own if e.camera is not None}
 
 
-def export_profiles(
-    project: Project, evaluations: Sequence[PlaneEvaluation], out: Path, line: Line | None = None
-) -> list[Path]:
-    """Write ``profile-CAPTURE.csv`` of every plane along one line, named by the devices as well; give the files."""
-    files = []
-    for capture, devices in dict.fromkeys((e.capture, e.devices) for e in evaluations):
-        files.append(out / f"profile-{capture}{_named(project, devices)}.csv")
-        write_profile_csv(files[-1], read_profiles(project, evaluations, capture, line, *devices))
-    return files
+def read_all_profiles(
+    project: Project, evaluations: Sequence[PlaneEvaluation], line: Line | None = None
+) -> dict[str, dict[str, Profile]]:
+    """Read the profiles of every plane along one line, by the names of their files, which name the devices as well."""
+    return {
+        f"profile-{capture}{_named(project, devices)}.csv": read_profiles(project, evaluations, capture, line, *devices)
+        for capture, devices in dict.fromkeys((e.capture, e.devices) for e in evaluations)
+    }
+
+
+def export_profiles(found: Mapping[str, Mapping[str, Profile]], out: Path) -> list[Path]:
+    """Write profiles by the names of their files into a folder; give the files."""
+    for name, profiles in found.items():
+        write_profile_csv(out / name, profiles)
+    return [out / name for name in found]
 
 
 def _named(project: Project, devices: tuple[str, str]) -> str:

@@ -90,7 +90,8 @@ def export_files(
     if wishes.tables:
         files += pipeline.tables.export_tables(project, out, evaluations)
     if wishes.profiles:
-        files += pipeline.tables.export_profiles(project, evaluations, out, line)
+        profiles = pipeline.tables.read_all_profiles(project, evaluations, line)
+        files += pipeline.tables.export_profiles(profiles, out)
     if wishes.deviations:
         files += pipeline.tables.export_deviations(project, evaluations, out, progress=progress.part(0.5, 1.0))
     return files

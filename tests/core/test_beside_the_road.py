@@ -194,6 +194,36 @@ def test_signing_and_withdrawing(evaluated: Path, tmp_path: Path) -> None:
     assert load_sign_off(loaded, load_evaluation(loaded)) is None
 
 
+def test_withdrawing_says_where_nothing_was_signed(evaluated: Path, capsys) -> None:
+    assert main(["sign", str(evaluated), "--operator", "A. Operator", "--date", "2026-01-02"]) == 0
+    capsys.readouterr()
+    for told in ("withdrawn", "nothing was signed"):
+        assert main(["sign", str(evaluated), "--withdraw"]) == 0
+        assert capsys.readouterr().out.strip() == told
+
+
+def test_tables_of_a_line_that_is_none_are_not_half_written(evaluated: Path, tmp_path: Path, capsys) -> None:
+    assert main(["tables", str(evaluated), "--out", str(tmp_path / "out"), "--line", "5", "5", "5", "5"]) == 2
+    assert "profile: its ends are 0.00 px apart" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        (["calibrate", "--table", "--degree", "2"], "--table: does not go with --degree 2"),
+        (["reconstruct", "plane+00", "--extrapolate", "--out", "a.npz"], "--extrapolate: does not go with the photog"),
+        (["profile", "plane+00", "--line", "0", "0", "inf", "0"], "profile: its ends are inf px apart"),
+        (["profile", "plane+00", "--line", *4 * ["inf"]], "profile: its ends are nan px apart"),
+        (["profile", "plane+00", "--line", "0", "nan", "9", "0"], "profile: its ends are nan px apart"),
+        (["profile", "plane+00", "--line", "0", "0", "1e12", "0"], "profile: its ends are 1e+12 px apart"),
+    ],
+)
+def test_what_an_option_cannot_do_is_refused(evaluated: Path, command, told, capsys) -> None:
+    assert main([command[0], str(evaluated), *command[1:]]) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_outdated_figures_are_signed_only_with_a_reason(evaluated: Path, tmp_path: Path, capsys) -> None:
     """They were signed without a word, and the report then said that nobody had."""
     rig = evaluated / "project.json"

@@ -244,12 +244,18 @@ def test_figures_are_written_though_nobody_reads_the_text(calibrated: Path, tmp_
     assert json.loads(figures.read_text())["runs"]
 
 
+def test_a_format_of_points_that_is_none_is_refused_without_a_file(calibrated: Path, capsys) -> None:
+    assert main(["live", str(calibrated), "--count", "1", "--format", "jpeg"]) == 2
+    assert "ends in '.jpeg'; give a file name ending in one of .e57" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "words",
     [
         ["features", "object-step", "--circle=100,100,-3"],
         ["features", "object-step", "--line=10,10,10,10"],
         ["live", "--count=0"],
+        ["preflight", "--depth=nan"],
     ],
 )
 def test_numbers_that_measure_or_count_nothing_are_refused(words: list[str], calibrated: Path, capsys) -> None:

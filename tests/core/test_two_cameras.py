@@ -87,6 +87,8 @@ def test_a_projector_that_only_labels_needs_no_nominal_values(
     assert np.abs(error / np.sqrt(np.diagonal(pair.covariance)[-3:])).max() < 1.4 * 4.5  # as in the test below
     assert main(["uncertainty", str(folder)]) == 2
     assert "takes its pitch_mm and nominal_c_mm" in capsys.readouterr().err
+    assert main(["reconstruct", str(folder), "plane+15", "--rays", "pair", "--out", str(tmp_path / "a.npz")]) == 2
+    assert "--rays: pair, where projectors only label places" in capsys.readouterr().err
     camera = json.loads((folder / "project.json").read_text())["cameras"]["left"]
     edit_json(folder / "project.json", cameras={"left": {**camera, "pitch_mm": None}, "right": camera})
     assert main(["calibrate", str(folder)]) == 2

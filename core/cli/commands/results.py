@@ -297,9 +297,10 @@ def _profile(options: Options, progress: Progress) -> dict[str, Any]:
 def _tables(options: Options, progress: Progress) -> dict[str, Any]:
     project = options.project
     evaluations = pipeline.tables.kept_evaluation(project)
+    profiles = pipeline.tables.read_all_profiles(project, evaluations, _line(options))
     write = pipeline.tables.export_report if options.report else pipeline.tables.export_tables
     files = write(project, options.out, progress=progress.part(0.0, 0.2))
-    files += pipeline.tables.export_profiles(project, evaluations, options.out, _line(options))
+    files += pipeline.tables.export_profiles(profiles, options.out)
     if options.deviations:
         files += pipeline.tables.export_deviations(project, evaluations, options.out, progress=progress.part(0.2, 1.0))
     for file in files:
@@ -313,8 +314,7 @@ def _sign(options: Options, progress: Progress) -> dict[str, Any]:
 
     project = options.project
     if options.withdraw:
-        pipeline.signing.sign_project(project, None)
-        print("withdrawn")
+        print("withdrawn" if pipeline.signed.withdraw_sign_off(project) else "nothing was signed")
         return {"signed": False}
     if not options.operator.strip():
         raise InputError("--operator", "no name", "say who signs, or --withdraw")

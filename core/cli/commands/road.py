@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
     sub.add_argument(
         "--free-stations", action="store_true", help="orient every station on its own: the rig is not rigid"
     )
-    sub.add_argument("--degree", type=int, default=3, help="degree of the depth polynomial (default 3)")
+    sub.add_argument("--degree", type=int, help="degree of the depth polynomial (default 3)")
     sub.add_argument("--camera", default="", metavar="NAME", help="of the depth calibration, if there are several")
     sub.add_argument("--projector", default="", metavar="NAME", help="likewise")
     sub.add_argument("--table", action="store_true", help="piecewise-linear depth table instead of the polynomial")
@@ -118,15 +118,18 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
-    if options.degree < 1:
-        raise InputError("--degree", f"is {options.degree}", "give 1 or more")
+    degree = pipeline.CalibrateOptions().degree if options.degree is None else options.degree
+    if degree is not None and degree < 1:
+        raise InputError("--degree", f"is {degree}", "give 1 or more")
+    if options.table and options.degree is not None:
+        raise InputError("--table", f"does not go with --degree {degree}", "leave one of the two out")
     if not 0 <= options.low_pass <= 1000:
         raise InputError("--low-pass", f"is {options.low_pass}", "give 0 to 1000 pixels")
     if not 0 <= options.reject < math.inf:
         raise InputError("--reject", f"is {options.reject}", "give 0 or more sigmas")
     chosen = pipeline.CalibrateOptions(
         rigid=not options.free_stations,
-        degree=None if options.table else options.degree,
+        degree=None if options.table else degree,
         low_pass_px=options.low_pass,
         without=tuple(options.without),
         hold=tuple(options.hold),
@@ -178,12 +181,16 @@ def _reconstruct(options: Options, progress: Progress) -> dict[str, Any]:
     if several and options.orient:  # two that are calibrated are corrected as a pair
         several = pipeline.orient_rig.are_together(project, options.capture)
     rays: Any = options.rays or ("all" if several else "pair")
+    if options.rays == "pair" and all(device.labels_only for device in project.rig.projectors.values()):
+        raise InputError("--rays", "pair, where projectors only label places", "leave it out, or give cameras")
     if options.fill and rays == "pair":
         raise InputError("--fill texture", "matches between cameras", "give a capture by several cameras, and all rays")
     if rays != "pair":
         if one_pair:
             other = f"--method {options.method}" if options.method else "--projector"
             raise InputError("--rays", f"{rays} does not go with {other}", "leave one of the two out")
+        if options.extrapolate:
+            raise InputError("--extrapolate", f"does not go with rays of {rays}", "give --method polynomial, too")
         pipeline.reconstruct.check_cloud(options.out, joined=not options.camera)
         named = {"camera": options.camera, "rays": rays, "fill": bool(options.fill), "orient": options.orient}
         image, cloud = pipeline.views.reconstruct_views(project, options.capture, **named, progress=progress)
