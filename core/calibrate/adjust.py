@@ -132,6 +132,11 @@ def solve_network(
         single = every if len(every) > 1 else ()
         if alone := [name for name in single if _fits(_mirrored(network, (name,)), options)]:
             raise MirroredError(" or ".join(alone)) from None
+        free = replace(network, station_pose=tuple(range(len(network.station_pose))))
+        if not network.point_ids and free.station_pose != network.station_pose and _fits(free, options):
+            seen = "images fit where every station stands for itself, not where devices are rigid to each other"
+            remedy = 'see which stations share a "pose", or are listed in one order, or leave "rigid_with" out'
+            raise AdjustmentError("the rig", seen, remedy) from None
         if not network.point_ids and (located := located_by_images(network)):
             with suppress(AdjustmentError):
                 solved, warnings = _solved(located[0], options, progress)
@@ -254,6 +259,7 @@ def _solve_somehow(start: _Start, options: AdjustOptions, progress: Progress) ->
     """As `_solve_despite`; where that does not fit, from stations oriented anew on what the bulk of them agrees on.
 
     Of a flat field seen with little perspective, rough approximate points choose the second solution of some stations.
+    So do nominal lenses of stations that see few points: at last those of the solution are taken, too.
     """
     best: tuple[Solved, int, Warnings] | None = None
     failure: AdjustmentError | None = None
@@ -263,16 +269,20 @@ def _solve_somehow(start: _Start, options: AdjustOptions, progress: Progress) ->
         raise
     except AdjustmentError as error:
         failure = error
-    for _ in range(ORIENTED):
+    steady = False
+    for lenses in (False,) * ORIENTED + (True,):
         if best is not None and not _doubted(best[0]):
             break
+        if (steady and not lenses) or (lenses and best is None):
+            continue
         with suppress(AdjustmentError, SingularNormalsError):
-            before, start = start, replace(start, state=oriented_anew(start.network, start.problem, start.robust))
-            if abs(start.cost - before.cost) < SAME_START * before.cost:
-                break
+            there = oriented_anew(start.network, start.problem, start.robust, lenses)
+            before, start = start, replace(start, state=there)
+            steady = abs(start.cost - before.cost) < SAME_START * before.cost
+            if steady:
+                continue
             found = _solve_despite(start, options, progress)
-            if best is not None and abs(found[0].variance / best[0].variance - 1) < SAME:
-                break
+            steady = best is not None and abs(found[0].variance / best[0].variance - 1) < SAME
             if found[0].variance < (FITTING**2 if best is None else best[0].variance / UNEVEN):
                 best = found
     if best is None:

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from core.errors import AdjustmentError, InputError, listed
 from core.geometry import lens_of
-from core.model import Concern, Network, NetworkScale
+from core.model import Array, Concern, Network, NetworkScale
 
 Bools = NDArray[np.bool_]
 Warnings = list[Concern | str]  # of an adjustment; concerns put its result in doubt
 
 LEAST_POINTS = 4  # that a free station must see: three leave up to four solutions
 DATUM_POINTS = 3  # known ones that hold a field
+ON_A_LINE = 0.01  # of their length, across: points that leave their stations free to turn about them
 
 
 class LostEndError(AdjustmentError):
@@ -128,6 +129,10 @@ def adjustable(network: Network) -> tuple[Network, Warnings]:
             names = listed([network.station_names[s] for s in few if s in network.observation_station])
             text = f"left out, fewer than {LEAST_POINTS} usable points: station {names}"
             warnings += [Concern("doubtful", text)] * bool(names)
+        elif len(few := _stations_before_a_line(network)):
+            keep = ~np.isin(network.observation_station, few)
+            names = listed([network.station_names[s] for s in few])
+            warnings.append(Concern("doubtful", f"left out, all its points lie on one line: station {names}"))
         else:
             single = _single_ray_points(network)
             keep = ~np.isin(network.observation_point, single)
@@ -152,6 +157,24 @@ def _weak_stations(network: Network) -> NDArray[np.int64]:
     _, pose = np.unique(np.array(network.station_pose), return_inverse=True)
     coordinates = np.bincount(pose[network.observation_station], seen, minlength=pose.max() + 1)
     return np.flatnonzero(coordinates[pose] < 2 * LEAST_POINTS)
+
+
+def _stations_before_a_line(network: Network) -> NDArray[np.int64]:
+    """Stations of poses whose points lie on one line, about which they may turn; none where all points do."""
+    _, pose = np.unique(np.array(network.station_pose), return_inverse=True)
+    of, xyz = pose[network.observation_station], network.point_xyz_mm[network.observation_point]
+    xyz = xyz - network.point_xyz_mm.mean(axis=0)
+    count = np.bincount(of)
+
+    def mean(values: Array) -> Array:
+        return np.bincount(of, values) / count
+
+    middle = np.stack([mean(a) for a in xyz.T], axis=1)
+    squares = np.stack([mean(a * b) for a in xyz.T for b in xyz.T], axis=1).reshape(-1, 3, 3)
+    moments = squares - middle[:, :, None] * middle[:, None]
+    _, across, along = np.linalg.eigvalsh(moments).T
+    lines = (along > 0) & (across < ON_A_LINE**2 * along)
+    return np.flatnonzero(lines[pose]) if not lines.all() else np.empty(0, np.int64)
 
 
 def _single_ray_points(network: Network) -> NDArray[np.int64]:

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.calibrate.approximate.columns import resect_columns
-from core.calibrate.approximate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable
+from core.calibrate.approximate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable, tangents_of
 from core.calibrate.selection import Bools, Warnings, known_points
 from core.calibrate.solution.equations import misclosures
 from core.calibrate.solution.problem import Problem, problem_of
 from core.calibrate.solution.state import State, interior_of, poses_in_devices
 from core.errors import AdjustmentError
-from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, similarity, undistort
+from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, similarity
 from core.model import Array, Ints, Network
 
 OTHER_SIZE = 0.2  # of the logarithm of a scale: no board is printed that wrongly
@@ -69,18 +69,11 @@ def _of_known_points(network: Network, known: NDArray[np.bool_]) -> Network:
 
 def _intersected(problem: Problem, state: State, known: NDArray[np.bool_]) -> State:
     """Intersect the points that are not known from the oriented stations; poses that fit worse than most count less."""
-    at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
     R, t = poses_in_devices(problem, state)
-    tangents = np.zeros_like(at)
-    for d in np.unique(problem.device):
-        own, interior = problem.device == d, interior_of(problem, state, d)
-        plain = at[own] - [interior.x0_mm, interior.y0_mm]
-        straight = undistort(interior, at[own])
-        tangents[own] = np.where(np.isfinite(straight), straight, plain) / interior.c_mm
     usual = _medians(problem.pose, _misfits(problem, state))
     middle = max(float(np.median(usual)), 1.0)
     seen = (problem.root_weight > 0) * (middle / np.maximum(usual, middle))[problem.pose, None] ** 2
-    xyz, sure = intersections(problem.point, tangents, R, t, seen, len(known))
+    xyz, sure = intersections(problem.point, tangents_of(problem, state), R, t, seen, len(known))
     return replace(state, xyz=np.where((sure & ~known)[:, None], xyz, state.xyz))
 
 
@@ -148,9 +141,16 @@ def _rough(given: Array, found: Array, moved: NDArray[np.bool_]) -> Bools:
     return np.asarray(off < WRONG * np.median(off[~moved]))
 
 
-def oriented_anew(network: Network, problem: Problem, state: State) -> State:
-    """Orient all stations again, on the points of a solution; AdjustmentError if one cannot be oriented on them."""
+def oriented_anew(network: Network, problem: Problem, state: State, lenses: bool = False) -> State:
+    """Orient all stations again, on the points of a solution; AdjustmentError if one cannot be oriented on them.
+
+    With `lenses` by its interior orientations as well, which a solution that is lost may have bent to anything.
+    """
     there = replace(network, point_xyz_mm=state.xyz + problem.origin_mm)
+    if lenses:
+        found = {name: interior_of(problem, state, d) for d, name in enumerate(problem.device_names)}
+        devices = {n: replace(d, spec=replace(d.spec, interior=found[n])) for n, d in network.devices.items()}
+        there = replace(there, devices=devices)
     other = problem_of(there)
     return _moved(initial_state(there, other), other.origin_mm - problem.origin_mm)
 

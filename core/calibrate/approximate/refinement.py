@@ -17,6 +17,7 @@ from core.parallel import run_in_bands
 ITERATIONS = 8
 SETTLED = 1e-3  # share of the weighted squares by which a step has to lower them to be followed by another
 OUTLYING = 3.0  # median residuals of its pose beyond which an observation counts less
+ENOUGH = 5  # points of a pose: among fewer it fits three as well as can be, whichever of them is wrong
 
 
 @inner(error_model="numpy")
@@ -24,7 +25,7 @@ def _soften(start: int, stop: int, w: Array, factor: Array, sizes: Array) -> flo
     """Square roots of weights of one pose's misclosures start to stop - 1; the misclosure they set in at."""
     for k in range(start, stop):
         factor[k] = sizes[k - start] = np.sqrt(w[k, 0] ** 2 + w[k, 1] ** 2)
-    limit = max(OUTLYING * np.median(sizes[: stop - start]), 1e-9)
+    limit = max(OUTLYING * np.median(sizes[: stop - start]), 1e-9) if stop - start >= ENOUGH else np.inf
     for k in range(start, stop):
         factor[k] = limit / factor[k] if factor[k] > limit else 1.0
     return limit

@@ -8,6 +8,7 @@ import numpy as np
 from core.geometry import Pose
 from core.model import Array
 
+NARROW = 0.1  # of the principal distance: the size of a view whose rays are nearly parallel
 FLAT = 0.05  # a field whose depth is a smaller share of its width is seen like a plane, with its second solution
 OUTLYING = 8.0  # median residuals of a view that none of its points exceeds unless one is wrong
 MISFIT = 0.15  # median residual, as a share of the view's own size, above which a pose explains nothing
@@ -27,6 +28,7 @@ def resect(points: Array, tangents: Array) -> list[Pose]:
     centre = points.mean(axis=0)
     local = points - centre
     axes = np.linalg.eigh(local.T @ local)[1][:, ::-1].T
+    axes[2] *= np.sign(np.linalg.det(axes))  # right-handed
     along = local @ axes.T
     extent = along.max(axis=0) - along.min(axis=0)
     image = np.ascontiguousarray(tangents * [1.0, -1.0])
@@ -36,10 +38,36 @@ def resect(points: Array, tangents: Array) -> list[Pose]:
         poses += _pnp(flat, image, cv2.SOLVEPNP_IPPE)
     if extent[2] > 1e-6 * extent[0] or not poses:
         poses += _pnp(local, image, cv2.SOLVEPNP_SQPNP)
+    if np.ptp(tangents, axis=0).max() < NARROW:  # of which the general solution finds none
+        flattened = extent[2] < FLAT * extent[1]
+        poses += [Pose(R @ axes, t) for R, t in _from_afar(along[:, : 2 if flattened else 3], tangents)]
     if len(points) == 4 and extent[2] >= FLAT * extent[1]:  # of so few the general solution misses one in fifty
         poses += _pnp(local, image, cv2.SOLVEPNP_AP3P)
     shifted = [Pose(p.rotation, p.translation_mm - p.rotation @ centre) for p in poses]
     return [p for p in shifted if (p.apply(points)[:, 2] < 0).all()]
+
+
+def _from_afar(points: Array, tangents: Array) -> list[tuple[Array, Array]]:
+    """Rotations and shifts by which parallel rays explain a view: one of points (n, 3), two of those of a plane (n, 2).
+
+    ``tangents = M points + m`` with two rows of a rotation over the distance in M (Huttenlocher, Ullman, *Recognizing
+    solid objects by alignment with an image*, IJCV 5, 1990).
+    """
+    affine = np.linalg.lstsq(np.column_stack([points, np.ones(len(points))]), tangents, rcond=None)[0].T
+    M, m = affine[:, :-1], affine[:, -1]
+    if M.shape[1] == 3:
+        U, sizes, Vt = np.linalg.svd(M, full_matrices=False)
+        scale = float(sizes.mean())
+        turns = [np.vstack([U @ Vt, np.cross(*(U @ Vt))])]
+    else:
+        (a, b), (_, d) = M.T @ M
+        scale = float(np.sqrt((a + d + np.hypot(a - d, 2 * b)) / 2))
+        depth = np.sqrt(np.maximum(scale**2 - np.array([a, d]), 0.0)) * [1.0, -1.0 if b > 0 else 1.0]
+        columns = [np.vstack([M, sign * depth]).T / max(scale, 1e-300) for sign in (1.0, -1.0)]
+        turns = [np.column_stack([*pair, np.cross(*pair)]) for pair in columns]
+    if not scale > 0:
+        return []
+    return [(R, np.array([*m, -1.0]) / scale) for R in turns]
 
 
 def resect_despite_errors(points: Array, tangents: Array) -> list[Pose]:

@@ -17,10 +17,11 @@ from core.calibrate.solution.elimination import reduce
 from core.calibrate.solution.equations import cost_of, misclosures
 from core.calibrate.solution.normals import SingularNormalsError, assemble
 from core.calibrate.solution.problem import COMPILED, RELATIVE, Problem, most_parameters, problem_of, reweighted
-from core.calibrate.solution.state import State, moved
+from core.calibrate.solution.state import State, interior_of, moved
 from core.errors import AdjustmentError
-from core.geometry import LENSES, estimated, fitted, lens_of
+from core.geometry import LENSES, estimated, fitted, lens_of, undistort
 from core.model import Array, DeviceSpec, Interior, Network, NetworkDevice
+from core.numerics import distinct
 
 MAIN_PARAMETERS = ("c", "x0", "y0", "A1")
 LEAST_POINTS = 4  # that fix one station's pose without ambiguity
@@ -130,7 +131,9 @@ def oriented_stations(network: Network, stations: list[int]) -> State:
     interior = problem.interior_known
     one, zero = np.array([np.eye(3)] * D), np.zeros((D, 3))
     state = State(interior, one, zero, np.zeros((S, 3, 3)), np.zeros((S, 3)), problem.approximate)
-    candidates = [replace(state, pose_rotation=R, pose_shift=t) for R, t in _candidates(network, problem, stations)]
+    candidates = [
+        replace(state, pose_rotation=R, pose_shift=t) for R, t in _candidates(network, problem, state, stations)
+    ]
     best = np.full(S, np.inf)
     for _ in range(ROUNDS):
         changed = False
@@ -151,12 +154,22 @@ def oriented_stations(network: Network, stations: list[int]) -> State:
     return state
 
 
-def _candidates(network: Network, problem: Problem, stations: list[int]) -> list[tuple[Array, Array]]:
-    """Resections of every station with the nominal focal lengths: a few sets of poses."""
+def tangents_of(problem: Problem, state: State) -> Array:
+    """Tangents ``-X/Z, -Y/Z`` (m, 2) of all observations; without distortion where that cannot be inverted."""
+    at = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2] * [1, -1]
+    tangents = np.zeros_like(at)
+    for d in distinct(problem.device):
+        own, interior = problem.device == d, interior_of(problem, state, int(d))
+        plain = at[own] - [interior.x0_mm, interior.y0_mm]
+        straight = undistort(interior, at[own])
+        tangents[own] = np.where(np.isfinite(straight), straight, plain) / interior.c_mm
+    return tangents
+
+
+def _candidates(network: Network, problem: Problem, state: State, stations: list[int]) -> list[tuple[Array, Array]]:
+    """Resections of every station with the lenses of a state: a few sets of poses."""
     seen = np.all(problem.root_weight > 0, axis=1)
-    nominal = problem.interior_known[problem.device, 0]
-    offset = (problem.uv - problem.raster[problem.device, 2:]) * problem.raster[problem.device, :2]
-    tangents = offset / nominal[:, None] * [1, -1]
+    tangents = tangents_of(problem, state)
     lists = []
     for k in range(problem.poses):
         rows = np.arange(problem.first[k], problem.first[k + 1])

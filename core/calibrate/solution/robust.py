@@ -19,6 +19,7 @@ from core.numerics import sigma_by_median
 HALF_WEIGHT = 3.0  # usual misfits of its device at which an observation counts half
 ITERATIONS = 60
 SETTLED = 1e-6  # gain of a step, as a share of the weighted squares, that ends the iterations
+ENOUGH = 5  # points of a pose; fewer lose their weight together: a pose fits three of them as well as can be
 LEAST_UNIT = 1e-6  # sigmas: what observations without noise leave is rounding
 
 
@@ -32,7 +33,7 @@ def robust_state(problem: Problem, state: State) -> State:
     """
     state, damping = aligned(problem, state), 0.0
     for _ in range(ITERATIONS):
-        misfit = misfits(problem, state)
+        misfit = _together(problem, misfits(problem, state))
         soft = reweighted(problem, (1.0 + (misfit / HALF_WEIGHT) ** 2)[:, None] ** -0.5)
         cost = cost_of(soft, state)
         reduced, damping = regular(soft, state, damping)
@@ -46,6 +47,13 @@ def robust_state(problem: Problem, state: State) -> State:
     return state
 
 
+def _together(problem: Problem, misfit: Array) -> Array:
+    """Give observations of poses with few points the root mean square of their pose's misfits."""
+    count = np.bincount(problem.pose)
+    rms = np.sqrt(np.bincount(problem.pose, misfit**2) / np.maximum(count, 1))
+    return np.where(count[problem.pose] < ENOUGH, rms[problem.pose], misfit)
+
+
 def misfits(problem: Problem, state: State) -> Array:
     """Larger misclosure of every observation, shape (m,), over the usual one of its device, a robust sigma."""
     w, seen = np.abs(misclosures(problem, state)), problem.root_weight > 0
@@ -53,6 +61,7 @@ def misfits(problem: Problem, state: State) -> Array:
     freedom = np.count_nonzero(seen) / max(problem.redundancy, 1)  # residuals are smaller than errors by its root
     for d in range(len(units)):
         own = w[problem.device == d][seen[problem.device == d]]
+        own = own[np.isfinite(own)]
         if len(own):
             units[d] = max(np.sqrt(freedom) * sigma_by_median(own), LEAST_UNIT)
     return np.max(np.where(seen, w, 0.0), axis=1) / units[problem.device]
