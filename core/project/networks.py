@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -178,7 +179,7 @@ def _distance_to_dict(network: Network, bar: NetworkScale) -> dict[str, object]:
 def _device(fields: Fields) -> NetworkDevice:
     spec = read_device(fields)
     names = lens_of(spec).names
-    if "estimate" not in fields.data:
+    if fields.data.get("estimate") is None:
         return NetworkDevice(spec)
     estimate = tuple(fields.items("estimate"))
     for name in estimate:
@@ -205,7 +206,7 @@ def _rigid_groups(fields: Fields, stations: dict[str, str]) -> tuple[int, ...]:
         seen = [name]
         while (other := held[seen[-1]]) is not None and other not in seen:
             seen.append(other)
-        return min(seen) if other is not None else seen[-1]
+        return min(seen[seen.index(other) :]) if other is not None else seen[-1]
 
     poses = {n: fields.nested("stations").nested(n).text("pose", default=None) for n in stations}
     counts: dict[str, int] = {}
@@ -220,6 +221,12 @@ def _rigid_groups(fields: Fields, stations: dict[str, str]) -> tuple[int, ...]:
                 seen = f"{counts.get(name, 0)} stations of {name}, {counts.get(other, 0)} of {other}"
                 remedy = 'give every station a "pose": the same text where they were taken at once'
                 raise InputError(fields.where, f"{name} is rigid with {other}, but there are {seen}", remedy)
+    for name in filter(held.get, counts):
+        by = [device == name for device in stations.values()]
+        if not set(compress(keys, by)) & set(compress(keys, (not own for own in by))):
+            seen = f'{name} is rigid with {held[name]}, but no station of another device shares a "pose" with its own'
+            remedy = 'give stations that were taken at once the same "pose", or leave "rigid_with" out'
+            raise InputError(fields.where, seen, remedy)
     numbers: dict[object, int] = {}
     return tuple(numbers.setdefault(key, len(numbers)) for key in keys)
 
