@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, critical
+from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, checked, critical, factors
 from core.checks.weights import uneven_sigmas
 from core.digits import unit_hint
+from core.errors import listed
 from core.geometry import similarity
 from core.model import Adjustment, Array, Concern, Network, NetworkScale
 from core.numerics import nearest, normal_limit
@@ -21,8 +22,9 @@ UNLIKE_SCALE, KEPT = 0.05, 2.0  # where they keep their shape: prints that are f
 MIRRORED, CHANCE = 0.6, 3.0  # of the deviations that a mirror image leaves, by chance to 1 - 3 / sqrt(points)
 LEAST_POINTS, ROUGH = 8, 5.0  # of which approximate places are compared; times what half of them are off
 OUTSIDE = 0.02  # of the image: no target is measured farther from it
+FLAT = 0.01  # of its width, the depth of a field whose targets are on one side
+ABOVE = 0.1  # sine of the angle at which a station surely stands on one side of it
 NEAR = 0.1  # of c: at 10:1 a lens has its object at 0.1 c
-UNCHECKED, TINY = 0.05, 1e-300  # redundancy of a known coordinate that tells nothing; variance
 FEWEST = 4  # observations that two images have in common to the last digit
 
 
@@ -36,9 +38,10 @@ def given_concerns(adjustment: Adjustment, anew: Callable[[Network, bool], Adjus
     told = [*_outside(adjustment), *_twice(adjustment), *_too_near(adjustment), *uneven_sigmas(adjustment, anew)]
     concerns = [Concern("doubtful", text) for text in told] + _known(adjustment) + _exchanged(adjustment)
     weighed = network.point_sigma_mm is not None and np.isin(network.point_sigma_mm, (0, np.inf), invert=True).any()
-    if bars or weighed:
-        concerns += [Concern("doubtful", _too_large(*found)) for found in cautious(adjustment).items()]
-    return concerns + _mirrored(adjustment) + [concern for bar in bars for concern in _length(adjustment, bar)]
+    concerns += [Concern("doubtful", text) for text in _too_large(adjustment, bool(bars or weighed))]
+    sigmas = adjustment.length_sigma_mm or (0.0,) * len(bars)
+    lengths = [c for bar, sigma in zip(bars, sigmas, strict=True) for c in _length(adjustment, bar, sigma)]
+    return concerns + _mirrored(adjustment) + _from_behind(adjustment) + lengths
 
 
 def _outside(adjustment: Adjustment) -> Iterator[str]:
@@ -108,15 +111,16 @@ def _known(adjustment: Adjustment) -> list[Concern]:
         return []
     weighed = np.isfinite(sigma) & (sigma > 0)
     given = np.where(weighed, sigma, 1.0)
-    left = np.diagonal(adjustment.point_cov_mm2, axis1=1, axis2=2) / max(adjustment.sigma0**2, TINY)
-    redundancy = np.where(weighed, np.clip(1 - left / given**2, 0.0, 1.0), 0.0)
+    left = np.sqrt(np.diagonal(adjustment.point_cov_mm2, axis1=1, axis2=2))
+    redundancy = checked(np.where(weighed, sigma, 0.0), left, adjustment.sigma0)
     off = np.where(weighed, adjustment.points_mm - network.point_xyz_mm, 0.0)
     ratio, concerns = np.abs(off) / given, []
-    normalised = np.where(redundancy > UNCHECKED, ratio / np.sqrt(np.maximum(redundancy, UNCHECKED)), 0.0)
+    normalised = ratio / np.where(redundancy > 0, np.sqrt(redundancy), np.inf)
+    by_others = off / np.where(redundancy > 0, redundancy, np.inf)
     for axis, name in enumerate("xyz"):
         count = int(np.count_nonzero(weighed[:, axis]))
         worst = int(np.argmax(normalised[:, axis]))
-        point, by = network.point_names[worst], off[worst, axis]
+        point, by = network.point_names[worst], by_others[worst, axis]
         if _beyond(ratio[:, axis], redundancy[:, axis]):
             rms = float(np.sqrt(np.sum(ratio[:, axis] ** 2) / count))
             text = (
@@ -126,8 +130,8 @@ def _known(adjustment: Adjustment) -> list[Concern]:
             concerns.append(Concern("failed" if rms > FAILED_RATIO else "doubtful", text))
         elif normalised[worst, axis] > DOUBTFUL_RATIO * normal_limit(LEVEL / 2 / max(count, 1)):
             text = (
-                f"points.csv: {name}_mm of point {point} is off by {by:.3g} mm, {ratio[worst, axis]:.3g} times "
-                f"sigma_{name}_mm: correct this coordinate, or its sigma"
+                f"points.csv: {name}_mm of point {point} is off by {by:.3g} mm, "
+                f"{abs(by) / given[worst, axis]:.3g} times sigma_{name}_mm: correct this coordinate, or its sigma"
             )
             concerns.append(Concern("doubtful", text))
     if not concerns and _beyond(ratio, redundancy):
@@ -135,7 +139,7 @@ def _known(adjustment: Adjustment) -> list[Concern]:
         text = (
             f"points.csv: coordinates of {np.count_nonzero(weighed.any(axis=1))} points contradict one another "
             f"(chi-square test), most {'xyz'[axis]}_mm of point {network.point_names[worst]}, off by "
-            f"{off[worst, axis]:.3g} mm: correct these coordinates, or their sigmas"
+            f"{by_others[worst, axis]:.3g} mm: correct these coordinates, or their sigmas"
         )
         concerns.append(Concern("doubtful", text))
     return concerns
@@ -185,22 +189,59 @@ def _mirrored(adjustment: Adjustment) -> list[Concern]:
     return [Concern("failed", text)]
 
 
-def _too_large(device: str, ratio: float) -> str:
-    return (
-        f"{device}: residuals are {ratio:.2g} times what sigma_px allows: sigmas of lengths and points given count as "
-        f"if they were smaller by as much; multiply sigma_px by {ratio:.2g}"
+def _from_behind(adjustment: Adjustment) -> list[Concern]:
+    """Find stations on the other side of a flat field than most: mirrored images of it fit from there as well."""
+    middle = adjustment.points_mm.mean(axis=0)
+    _, extent, axes = np.linalg.svd(adjustment.points_mm - middle, full_matrices=False)
+    if extent[2] > FLAT * extent[1]:
+        return []
+    centres = np.array([pose.inverse().translation_mm for pose in adjustment.station_from_object]) - middle
+    height = centres @ axes[2] / np.linalg.norm(centres, axis=1)
+    sides = [np.flatnonzero(sign * height > ABOVE) for sign in (1, -1)]
+    fewer = min(sides, key=len)
+    if not len(fewer):
+        return []
+    names = [adjustment.network.station_names[k] for k in fewer]
+    text = (
+        f"observations.csv: {listed(names)} see the flat field from the other side than all other stations: count v "
+        "downwards and u to the right there, or exchange u and v if they were exchanged"
     )
+    return [Concern("doubtful", text)]
 
 
-def _length(adjustment: Adjustment, bar: NetworkScale) -> list[Concern]:
+def _too_large(adjustment: Adjustment, weighed: bool) -> Iterator[str]:
+    """Find devices whose sigmas are too large beside those of others, or of what else is `weighed`, lengths or points.
+
+    One sigma0 is of all: the others' observations then count too little, and their sigmas come out too small.
+    """
+    ratios = {name: factor**0.5 for name, (factor, _) in factors(adjustment).items()}
+    most = max(ratios, key=lambda name: ratios[name], default="")
+    for name, ratio in cautious(adjustment).items():
+        if weighed:
+            yield (
+                f"{name}: residuals are {ratio:.2g} times what sigma_px allows: sigmas of lengths and points given "
+                f"count as if they were smaller by as much; multiply sigma_px by {ratio:.2g}"
+            )
+        elif ratio * DOUBTFUL_RATIO < ratios[most]:
+            yield (
+                f"{name}: residuals are {ratio:.2g} times what sigma_px allows, those of {most} {ratios[most]:.2g} "
+                f"times: it counts too little, and sigmas of results are between both; multiply sigma_px of {name} "
+                f"by {ratio:.2g}"
+            )
+
+
+def _length(adjustment: Adjustment, bar: NetworkScale, left_mm: float) -> list[Concern]:
+    """Hold a measured distance, adjusted with a sigma of `left_mm`, against all else, and against points.csv."""
     network, points = adjustment.network, (adjustment.points_mm, adjustment.network.point_xyz_mm)
     found = float(np.linalg.norm(points[0][bar.start] - points[0][bar.stop]))
     size, roughly = (float(np.linalg.norm(xyz - xyz.mean(axis=0))) for xyz in points)
     start, stop = (network.point_names[k] for k in (bar.start, bar.stop))
-    if abs(found - bar.length_mm) > DOUBTFUL_RATIO * normal_limit(LEVEL / 2) * bar.sigma_mm:
+    share = float(checked(np.array(bar.sigma_mm), np.array(left_mm), adjustment.sigma0))
+    if abs(found - bar.length_mm) > DOUBTFUL_RATIO * normal_limit(LEVEL / 2) * bar.sigma_mm * share**0.5 > 0:
+        by_others, sure = bar.length_mm + (found - bar.length_mm) / share, left_mm / share**0.5
         text = (
-            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm ± {bar.sigma_mm:.2g}, adjusted "
-            f"{found:.6g} mm: measure it again"
+            f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm ± {bar.sigma_mm:.2g}, by all "
+            f"else {by_others:.6g} mm ± {sure:.2g}: measure it again"
         )
         return [Concern("doubtful", text)]
     ratio = size / max(roughly, 1e-9)

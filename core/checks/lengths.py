@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from core.checks.network import LEVEL
+from core.checks.network import LEVEL, checked
 from core.checks.plates import Plates
 from core.digits import fixed, unit_hint
 from core.geometry import similarity
@@ -106,17 +106,20 @@ def _distances(adjustment: Adjustment, board: Testfield | None) -> list[Concern]
                 f"which the nominal testfield has to {off:.2g} mm: is sigma_mm in µm instead of mm?"
             )
             concerns.append(Concern("doubtful", text, "board"))
-    for key, bar in known if len(known) > 1 else ():
+    lefts = adjustment.length_sigma_mm or (0.0,) * len(known)
+    for (key, bar), left in zip(known, lefts, strict=True) if len(known) > 1 else ():
         a, b = (adjustment.points_mm[k] for k in (bar.start, bar.stop))
         found = float(np.linalg.norm(b - a))
-        off = found - bar.length_mm
-        if abs(off) > SIGNIFICANT * bar.sigma_mm + 1e-6 * found:
+        off, share = found - bar.length_mm, float(checked(np.array(bar.sigma_mm), np.array(left), adjustment.sigma0))
+        if share and abs(off) > SIGNIFICANT * bar.sigma_mm * share**0.5 + 1e-6 * found:
+            others = bar.length_mm + off / share
             text = (
-                f"project.json, {key}: is {bar.length_mm:.4g} mm, {found:.4g} mm by all measured distances together "
-                f"({abs(off) / bar.sigma_mm:.3g} times sigma_mm): two known lengths disagree; measure them again"
+                f"project.json, {key}: is {bar.length_mm:.4g} mm ± {bar.sigma_mm:.2g}, {others:.4g} mm by all else: "
+                "two known lengths disagree; measure them again"
             )
-            text += unit_hint(bar.length_mm / found)
-            concerns.append(Concern("failed" if abs(off) > FAILED * found else "doubtful", text, "board"))
+            text += unit_hint(bar.length_mm / others)
+            gross = abs(others - bar.length_mm) > FAILED * others
+            concerns.append(Concern("failed" if gross else "doubtful", text, "board"))
     return concerns
 
 

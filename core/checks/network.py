@@ -30,6 +30,7 @@ C_DOUBTFUL, C_FAILED = 1.2, 1.6  # focusing at the distances of such rigs makes 
 AFFINITY = 0.02  # A3, half the stretch: pixels of frame grabbers are up to 3 % out of square, which is A3 = 0.015
 AFFINITY_DECLARED = 0.005  # where the pitches given differ, somebody knew their ratio
 AFFINITY_FAILED = 0.08
+UNCHECKED, TINY = 1e-6, 1e-150  # redundancy of a known value that nothing else tells, beside rounding; sigma0
 OFF_CENTRE = 0.2  # a camera's principal point, as a share of half its image
 
 
@@ -41,7 +42,8 @@ def adjustment_concerns(adjustment: Adjustment, rejected: Mapping[str, tuple[int
     rejected : mapping, optional
         By station, how many of how many observations were left out as gross errors.
     """
-    known = [concern for name, device in adjustment.devices.items() for concern in _known_before(name, device)]
+    devices = adjustment.devices.items()
+    known = [c for name, device in devices for c in _known_before(name, device, adjustment.sigma0)]
     # twice, and told once: causes first
     known = [*(c for c in adjustment.doubts if c.about in ("held", "captures", "rigid")), *known]
     squares = _chi_square(adjustment)
@@ -127,7 +129,7 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
             added = f"they are {rms:.2g} px, what uneven pixels, print or coarse rendering add to noise"
             text += f"{added}; "
         if np.isfinite(adjustment.devices[name].spec.interior_sigma).any():
-            text += "its interior orientation in project.json may belong to another lens or focus; "
+            text += "the interior orientation known before may belong to another lens or focus; "
         text += (
             "look for wrong identities or a turned board, a moved device, a board that bends, wrong patterns, frames "
             "that were compressed, denoised or rescaled, or sigmas set too small"
@@ -136,18 +138,32 @@ def _chi_square(adjustment: Adjustment) -> list[Concern]:
     return concerns
 
 
-def _known_before(name: str, device: AdjustedDevice) -> list[Concern]:
+def checked(sigma: Array, left: Array, sigma0: float) -> Array:
+    """Share of values known with sigmas that all else tells, their redundancy; 0 where it tells nothing.
+
+    `left` are their sigmas after the adjustment, whose `sigma0` these contain. The adjusted value follows the known
+    one: by all else it is off by this share's inverse more, with a sigma of ``left / sqrt(share)``.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = 1.0 - (left / max(sigma0, TINY)) ** 2 / sigma**2
+    return np.where((sigma > 0) & np.isfinite(sigma) & (share > UNCHECKED), share, 0.0)
+
+
+def _known_before(name: str, device: AdjustedDevice, sigma0: float) -> list[Concern]:
     """Hold an adjusted interior orientation against the one known before, an observation with sigmas, too."""
     known, sigma = device.spec.interior, np.array(device.spec.interior_sigma)
     if known is None or not len(sigma):
         return []
-    off = device.interior.vector - known.vector
-    ratio = np.where((sigma > 0) & (device.sigma[: len(sigma)] > 0), np.abs(off) / np.where(sigma > 0, sigma, 1), 0)
+    left = device.sigma[: len(sigma)]
+    share = np.where(left > 0, checked(sigma, left, sigma0), 0.0)
+    off = (device.interior.vector - known.vector)[: len(sigma)]
+    ratio = np.abs(off) / np.where(share > 0, sigma, np.inf) / np.sqrt(np.where(share > 0, share, 1.0))
     worst, limit = int(np.argmax(ratio)), normal_limit(LEVEL / 2)
     if ratio[worst] <= DOUBTFUL_RATIO * limit:
         return []
+    by_images, sure = known.vector[worst] + off[worst] / share[worst], left[worst] / np.sqrt(share[worst])
     text = (
-        f"{name}: {lens_of(known).keys[worst]} is {device.interior.vector[worst]:.6g}, known before as "
+        f"{name}: {lens_of(known).keys[worst]} is {by_images:.6g} ± {sure:.2g} by the images, known before as "
         f"{known.vector[worst]:.6g} ± {sigma[worst]:.2g}: it belongs to another lens or focus, or its "
         "sigma is too small"
     )
@@ -191,7 +207,8 @@ def _systematic(adjustment: Adjustment) -> list[Concern]:
         # a few gross errors are told elsewhere; they must not decide here
         limit = 25 * median_of(square) + 1e-12
         use = square < limit
-        agreement = float(np.sum(np.clip(product[use], -limit, limit)) / max(float(np.sum(square[use])), 1e-12))
+        common = float(np.sum(np.clip(product[use], -limit, limit)))
+        agreement = min(common / max(float(np.sum(square[use])), 1e-12), 1.0)
         significant = agreement * np.sqrt(np.count_nonzero(use) / 2) > 3.1  # mutual neighbours count twice
         if agreement > AGREEING and significant:
             rms = float(np.sqrt(agreement * np.nanmean(adjustment.residuals[made] ** 2)))

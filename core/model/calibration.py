@@ -47,6 +47,7 @@ class Adjustment:
     variance_factors: Mapping[str, float]  # per device, from variance components (1 where not estimated)
     parameter_names: tuple[str, ...]  # of `parameter_cov`: "cam.c" ..., "proj.A6", "proj.rx" ... "proj.tz"
     parameter_cov: Array  # interior orientations and relative orientations, posterior sigma0 applied
+    length_sigma_mm: tuple[float, ...] = ()  # of the scale and the lengths, as they are adjusted
     warnings: tuple[str, ...] = ()
     doubts: tuple[Concern, ...] = ()  # those of the warnings that put the result in doubt
     verdict: Verdict | None = None  # None where nobody judged it

@@ -7,6 +7,7 @@ import numpy as np
 from core.calibrate.solution.equations import GLOBALS, Equations
 from core.calibrate.solution.normals import Inverse, Layout, layout_of
 from core.calibrate.solution.problem import RELATIVE, Problem
+from core.calibrate.solution.state import State
 from core.compiling import njit
 from core.model import Array, Ints
 from core.parallel import run_in_bands
@@ -90,6 +91,25 @@ def point_cofactors(problem: Problem, inverse: Inverse) -> Array:
         return inverse.Q_own + inverse.C @ inverse.Q @ inverse.C.transpose(0, 2, 1)
     at = problem.globals + 3 * np.arange(problem.points)[:, None] + np.arange(3)
     return inverse.Q[at[:, :, None], at[:, None, :]]
+
+
+def length_cofactors(problem: Problem, state: State, inverse: Inverse) -> Array:
+    """Cofactors of the measured distances as they are adjusted, shape (distances,), mm²."""
+    found = []
+    for distance in problem.distances:
+        ends = distance.start, distance.stop
+        difference = state.xyz[ends[0]] - state.xyz[ends[1]]
+        along = np.concatenate([difference, -difference]) / np.linalg.norm(difference)
+        if problem.by_points:
+            C = inverse.C[[*ends]].reshape(6, -1)
+            Q = C @ inverse.Q @ C.T
+            Q[:3, :3] += inverse.Q_own[ends[0]]
+            Q[3:, 3:] += inverse.Q_own[ends[1]]
+        else:
+            at = np.concatenate([problem.globals + 3 * end + np.arange(3) for end in ends])
+            Q = inverse.Q[np.ix_(at, at)]
+        found.append(float(along @ Q @ along))
+    return np.array(found)
 
 
 def pose_cofactors(problem: Problem, inverse: Inverse) -> Array:

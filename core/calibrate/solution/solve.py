@@ -15,7 +15,12 @@ from core.calibrate.diagnosis.weakness import (
     unsolved_error,
 )
 from core.calibrate.selection import Warnings
-from core.calibrate.solution.covariance import global_cofactors, point_cofactors, redundancy_numbers
+from core.calibrate.solution.covariance import (
+    global_cofactors,
+    length_cofactors,
+    point_cofactors,
+    redundancy_numbers,
+)
 from core.calibrate.solution.equations import Equations, linearise, misclosures
 from core.calibrate.solution.iterate import NotConvergedError, iterate
 from core.calibrate.solution.normals import Inverse, SingularNormalsError
@@ -169,6 +174,7 @@ def result_of(solved: Solved, warnings: Warnings) -> Adjustment:
         )
         names += [f"{name}.{p}" for p in LENSES[spec.model].names]
     point_cov = solved.variance * point_cofactors(problem, solved.inverse)
+    lengths = solved.variance * length_cofactors(problem, solved.state, solved.inverse)
     known = network.point_sigma_mm
     held = np.zeros(network.point_xyz_mm.shape, bool) if known is None else known == 0
     relative = {}
@@ -192,6 +198,7 @@ def result_of(solved: Solved, warnings: Warnings) -> Adjustment:
         variance_factors=solved.factors,
         parameter_names=tuple(names),
         parameter_cov=cov,
+        length_sigma_mm=tuple(np.sqrt(lengths).tolist()),
         warnings=tuple(w.text if isinstance(w, Concern) else w for w in warnings),
         doubts=tuple(w for w in warnings if isinstance(w, Concern)),
     )

@@ -71,7 +71,8 @@ def test_measured_distances_that_contradict_each_other_are_named() -> None:
     assert bar is not None
     for factor, told in ((1.0, 0), (1.02, 1)):
         other = NetworkScale(bar.start, bar.stop, factor * bar.length_mm, bar.sigma_mm)
-        both = replace(adjustment, network=replace(adjustment.network, lengths=(other,)))
+        network = replace(adjustment.network, lengths=(other,))
+        both = replace(adjustment, network=network, length_sigma_mm=(0.0, 0.0))
         texts = [c.text for c in length_concerns(both, p.board, p.scale, None, False)]
         assert sum("lengths, entry 0" in text and "disagree" in text for text in texts) == told, texts
     # a board that the printer stretched: the remedy is a factor, and with it the board agrees with the bar
