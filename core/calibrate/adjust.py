@@ -53,6 +53,7 @@ from core.calibrate.solution.solve import (
 )
 from core.calibrate.solution.state import State
 from core.errors import AdjustmentError
+from core.geometry import similarity
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Network
 from core.progress import SILENT, Progress
@@ -113,8 +114,8 @@ def solve_network(
     """Adjust a network, reject gross errors where the options say so, and collect what weakens it.
 
     `near` is the solution of nearly the same network, which gives initial values; what iterations made of vᵀPv begins
-    with its own. Where that fails and would not with mirrored images, the error says so. Of a network of others, whose
-    approximate coordinates may be none, the images alone are tried then.
+    with its own. Where that fails and would not with mirrored images, or free stations, the error says so. Of a network
+    of others, whose approximate coordinates may be none, the images alone are tried then.
     """
     check_network(network)
     try:
@@ -122,27 +123,55 @@ def solve_network(
     except SettledError:
         raise
     except AdjustmentError:
-        check_known(network)
-        extent = dimensions(network.point_xyz_mm)
-        every = tuple(network.devices) if extent > 1 else ()
-        # mirrored images of a flat board are those of its back
-        told = extent > 2 or any(device.spec.interior is not None for device in network.devices.values())
-        if every and told and _fits(_mirrored(network, every), options):
-            raise MirroredError(", ".join(every)) from None
-        single = every if len(every) > 1 else ()
-        if alone := [name for name in single if _fits(_mirrored(network, (name,)), options)]:
-            raise MirroredError(" or ".join(alone)) from None
-        free = replace(network, station_pose=tuple(range(len(network.station_pose))))
-        if not network.point_ids and free.station_pose != network.station_pose and _fits(free, options):
-            seen = "images fit where every station stands for itself, not where devices are rigid to each other"
-            remedy = 'see which stations share a "pose", or are listed in one order, or leave "rigid_with" out'
-            raise AdjustmentError("the rig", seen, remedy) from None
-        if not network.point_ids and (located := located_by_images(network)):
-            with suppress(AdjustmentError):
-                solved, warnings = _solved(located[0], options, progress)
-                if solved.variance < FITTING**2:
-                    return solved, [*located[1], *warnings]
+        if otherwise := _otherwise(network, options, progress):
+            return otherwise
         raise
+
+
+def _otherwise(network: Network, options: AdjustOptions, progress: Progress) -> tuple[Solved, Warnings] | None:
+    """Try what else a network may be that cannot be adjusted as it is; what its files have wrong is an error.
+
+    Where approximate coordinates are rough beyond use, the images alone give others, unless these are their mirror
+    image.
+    """
+    check_known(network)
+    alone = None if network.point_ids else _by_images_alone(network, options, progress)
+    if alone is not None and _handed_as_given(alone[0], network):
+        return alone
+    extent = dimensions(network.point_xyz_mm)
+    every = tuple(network.devices) if extent > 1 else ()
+    # mirrored images of a flat board are those of its back
+    told = extent > 2 or any(device.spec.interior is not None for device in network.devices.values())
+    if every and told and _fits(_mirrored(network, every), options):
+        raise MirroredError(", ".join(every)) from None
+    single = every if len(every) > 1 else ()
+    if mirrored := [name for name in single if _fits(_mirrored(network, (name,)), options)]:
+        raise MirroredError(" or ".join(mirrored)) from None
+    free = replace(network, station_pose=tuple(range(len(network.station_pose))))
+    if not network.point_ids and free.station_pose != network.station_pose and _fits(free, options):
+        seen = "images fit where every station stands for itself, not where devices are rigid to each other"
+        remedy = 'see which stations share a "pose", or are listed in one order, or leave "rigid_with" out'
+        raise AdjustmentError("the rig", seen, remedy) from None
+    return alone
+
+
+def _by_images_alone(network: Network, options: AdjustOptions, progress: Progress) -> tuple[Solved, Warnings] | None:
+    if located := located_by_images(network):
+        with suppress(AdjustmentError):
+            solved, warnings = _solved(located[0], options, progress)
+            if solved.variance < FITTING**2:
+                return solved, [*located[1], *warnings]
+    return None
+
+
+def _handed_as_given(solved: Solved, network: Network) -> bool:
+    """Whether points come out as they are given, rather than as their mirror image."""
+    given = dict(zip(network.point_names, network.point_xyz_mm, strict=True))
+    places = np.array([given[name] for name in solved.network.point_names])
+    found = [solved.state.xyz * (1, 1, hand) for hand in (1, -1)]
+    fitted = [(scale * xyz @ R.T + shift) for xyz in found for scale, R, shift in [similarity(xyz, places)]]
+    off = [float(np.sum((there - places) ** 2)) for there in fitted]
+    return off[0] <= off[1]
 
 
 def _fits(network: Network, options: AdjustOptions) -> bool:

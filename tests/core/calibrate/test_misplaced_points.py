@@ -73,6 +73,15 @@ def test_a_board_that_is_roughly_known_is_taken_as_told(simulate, sigma_mm, seed
     assert np.allclose(shift, 0, atol=1e-6)
 
 
+@pytest.mark.parametrize("seed", [3, 4, 6, 10])
+def test_rough_points_of_a_flat_field_are_not_called_mirrored(simulate, seed):
+    """Mirrored images fitted such points as well, and were blamed."""
+    made = simulate(seed=seed, use=("camera",), depth_mm=0.0, scale=False)
+    rough = made.points_mm + np.random.default_rng(seed).normal(0, 60.0, made.points_mm.shape)
+    result = adjust(replace(made.network, point_xyz_mm=rough))
+    assert result.sigma0 == pytest.approx(1.0, abs=0.15)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_rough_points_of_a_flat_field_far_away_do_not_turn_stations_over(simulate, seed):
     """Seen within 4° each pose has a twin, inclined to the other side, that fits rough points as well."""
