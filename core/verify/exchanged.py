@@ -8,6 +8,7 @@ exchanged so that every cell keeps its word: then the coordinate runs backwards 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,23 @@ LEAST_REACH = 3  # pixels over which a coordinate rises
 PAIRS, BACKWARDS = 200, 0.5  # pixels; of them. Sound maps have below 0.01, exchanged steps 0.9
 
 
-def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map, str]]) -> list[Finding]:
-    """Find frames that stand for each other; `maps` are decoded coordinates (H, W) and what they count."""
+class Coded(NamedTuple):
+    """A decoded axis with a code: what it counts, lines of a cell, whether there are steps, and what is looked at.
+
+    `ways` are some rows of its map, and some columns as rows, and the code's cells they lie in. Of the `judged` cells
+    of a Gray code `odd` ones are left by jumps to a word of one other bit more often than not.
+    """
+
+    along: str
+    cell: int
+    stepped: bool
+    ways: list[tuple[Map, Map]]
+    odd: int
+    judged: int
+
+
+def coded_axes(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map, str]]) -> list[Coded]:
+    """Look at the axes that have one code; `maps` are decoded coordinates (H, W) and what they count."""
     found = []
     for axis, values, along in maps:
         codes = [p for p in patterns if isinstance(p, Code) and p.axis == axis]
@@ -40,12 +56,21 @@ def exchanged_frames(patterns: Sequence[Pattern], maps: Sequence[tuple[Axis, Map
             continue
         cell, stepped = codes[0].cell, any(isinstance(p, Phase) and p.axis == axis for p in patterns)
         ways = _both_ways(values, cell)
-        share = _odd_cells(ways, cell) if codes[0].kind == "gray" else 0.0
-        if share > ODD:
-            text = f"{along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
+        odd = _odd_cells(ways, cell) if codes[0].kind == "gray" else (0, 0)
+        found.append(Coded(along, cell, stepped, ways, *odd))
+    return found
+
+
+def exchanged_frames(coded: Sequence[Coded]) -> list[Finding]:
+    """Find frames that stand for each other."""
+    found = []
+    for each in coded:
+        share = each.odd / max(each.judged, 1)
+        if each.odd >= ODD_CELLS and each.judged >= FEWEST and share > ODD:
+            text = f"{each.along} jump to and fro at {share:.0%} of the code's cells: two of its frames were exchanged"
             found.append(Finding("order", "bad", text, {"odd": share}, names="mistake"))
-        elif stepped and (share := _backwards(ways, cell)) > BACKWARDS:
-            text = f"{along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
+        elif each.stepped and (share := _backwards(each.ways, each.cell)) > BACKWARDS:
+            text = f"{each.along} run backwards in {share:.0%} of the code's cells: two phase steps were exchanged"
             found.append(Finding("order", "bad", text, {"backwards": share}, names="mistake"))
     return found
 
@@ -63,8 +88,8 @@ def _usual(steps: Map) -> float:
     return median_of(some) if len(some) else 0.0
 
 
-def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
-    """Share of the cells that are left by jumps to a word of one other bit more often than not."""
+def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> tuple[int, int]:
+    """How many cells are left by jumps to a word of one other bit more often than not, of how many."""
     jumps = np.zeros(0, np.int64)
     for image, those in ways:
         away = image[:, APART:] - image[:, :-APART]
@@ -72,15 +97,14 @@ def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
         first, second = (np.maximum(each[far], 0).astype(np.int64) for each in (those[:, :-APART], those[:, APART:]))
         word = (first ^ first >> 1) ^ (second ^ second >> 1)
         jumps = np.append(jumps, first[word & (word - 1) == 0])
-    if len(jumps) <= ODD_CELLS * LEAST / 2:
-        return 0.0  # as of sound captures: too few for so many cells
+    if len(jumps) <= LEAST / 2:
+        return 0, 0  # too few for one cell
     pairs = [(those[:, :-APART], those[:, APART:]) for _, those in ways]
     left = np.concatenate([a[(a != b) & np.isfinite(a) & np.isfinite(b)] for a, b in pairs])
     count = np.bincount(np.maximum(left, 0).astype(np.int64))
-    odd = np.bincount(jumps, minlength=len(count)) > 0.5 * count
     judged = count >= LEAST
-    number = int(np.count_nonzero(odd & judged))
-    return number / int(judged.sum()) if number >= ODD_CELLS and judged.sum() >= FEWEST else 0.0
+    odd = judged & (np.bincount(jumps, minlength=len(count)) > 0.5 * count)
+    return int(np.count_nonzero(odd)), int(np.count_nonzero(judged))
 
 
 def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:

@@ -22,7 +22,8 @@ from core.patterns import Axis, Code, Line, axis_of, level_of
 from core.verify.beside import beside_code
 from core.verify.between import halves
 from core.verify.contradictions import PIXELS, Looked
-from core.verify.exchanged import exchanged_frames
+from core.verify.exchanged import coded_axes, exchanged_frames
+from core.verify.inverted import inverted_bits
 from core.verify.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, told_otherwise, too_fine
 from core.verify.overlapping import overlapping
 from core.verify.pixels import (
@@ -90,10 +91,15 @@ def check_stored(
     bad = {f.check for f in found if f.level == "bad"} - {"movement"}
     if phase is not None and bad <= {"lines"}:
         maps: list[tuple[Axis, NDArray, str]] = [("x", phase.u, "columns"), ("y", phase.v, "rows")]
-        if jumping := exchanged_frames(patterns, maps):
-            found = [f for f in found if f.check != "lines"]  # exchanged bits name lines that are not there
+        coded = coded_axes(patterns, maps)
+        jumping, mirrored = exchanged_frames(coded), hand(phase)
+        doubtful = mirrored or bad or any(axis.odd for axis in coded)
+        if doubtful and len(exposures) <= 1 and (inverted := inverted_bits(patterns, images)):
+            jumping, mirrored = inverted, []
+        if jumping:
+            found = [f for f in found if f.check != "lines"]  # bits in wrong places name lines that are not there
         if jumping or not bad:
-            found += [*hand(phase), *(jumping or (planes(capture, phase) if capture.role != "object" else []))]
+            found += [*mirrored, *(jumping or (planes(capture, phase) if capture.role != "object" else []))]
         if not jumping and not bad:
             own = [k for k, f in enumerate(capture.frames) if f.exposure_ms == (exposures[0] if exposures else None)]
             found += beside_code([patterns[k] for k in own], [images[k] for k in own], maps, lines)

@@ -39,7 +39,7 @@ from core.patterns import (
     pattern_image,
     reference_sequence,
 )
-from core.verify.exchanged import exchanged_frames
+from core.verify.exchanged import coded_axes, exchanged_frames
 from core.verify.stored import check_stored
 
 LINES = (160, 160)
@@ -624,7 +624,7 @@ def test_exchanged_bits_are_told_of_objects_too_and_steps_of_depth_are_not(name:
     rng = np.random.default_rng(3)
     steps = np.repeat(rng.uniform(-40, 40, (9, 12)), 20, axis=0).repeat(20, axis=1)  # each along a line of the light
     u = 80 + 0.5 * (np.arange(240) - 120) + steps + rng.normal(0, 0.1, steps.shape)
-    assert exchanged_frames(patterns, [("x", u.astype(np.float32), "columns")]) == []
+    assert exchanged_frames(coded_axes(patterns, [("x", u.astype(np.float32), "columns")])) == []
 
 
 def test_a_code_alone_has_no_phase_steps_that_were_exchanged() -> None:
@@ -632,16 +632,16 @@ def test_a_code_alone_has_no_phase_steps_that_were_exchanged() -> None:
     codes = [p for p in gray_and_phase("x", 128, cell=2, periods=[], steps=4) if isinstance(p, Code)]
     place = np.arange(400) / 4
     edges = np.tile(place - 2 * (place % 2) + 1, (60, 1)).astype(np.float32)
-    assert exchanged_frames(codes, [("x", edges, "columns")]) == []
+    assert exchanged_frames(coded_axes(codes, [("x", edges, "columns")])) == []
     stepped = gray_and_phase("x", 128, cell=2, periods=[4.0], steps=4)
-    assert "phase steps" in exchanged_frames(stepped, [("x", edges, "columns")])[0].text
+    assert "phase steps" in exchanged_frames(coded_axes(stepped, [("x", edges, "columns")]))[0].text
 
 
 @pytest.mark.parametrize("rows", [1, 2, 4, 8])
 def test_images_of_a_few_rows_have_no_exchanged_frames(rows: int) -> None:
     patterns = gray_and_phase("x", 128, cell=2, periods=[4.0], steps=4)
     u = (np.arange(400) / 4 + 0.3 * np.arange(rows)[:, None]).astype(np.float32)
-    assert exchanged_frames(patterns, [("x", u, "columns")]) == []
+    assert exchanged_frames(coded_axes(patterns, [("x", u, "columns")])) == []
 
 
 def test_shadow_and_scattered_light_are_no_contradiction_at_import() -> None:
