@@ -15,6 +15,8 @@ surface.py        ... whether these are of a surface, and of the right hand
 between.py        ... what changed between the frames of columns and of rows: the light, the place
 overlapping.py    ... frames that hold light of the pattern after, or before
 beside.py         ... phases that stand beside the code or run away from it, or from each other, by a little
+edges.py          ... and edges of the code, which tell that
+turns.py          ... the period that phases have from edge to edge
 lookup.py    what patterns look like on every projector line, and which line fits what a pixel saw
 
 recognise.py which frame shows which pattern, whatever their order

@@ -20,10 +20,10 @@ from core.model import Array
 from core.model.finding import Finding
 from core.numerics import sigma_about_median
 from core.patterns import Axis, Code, Pattern, Phase, brightness
+from core.verify.edges import SECTIONS, code_edges
+from core.verify.turns import turning
 
-SECTIONS = 32  # rows and columns of an image that are looked at, and of these as many pixels where phases are compared
 CODES = 3  # finest frames of the code
-CLEAR = 0.4  # of a frame's usual difference from the mean light, which both sides of an edge have together
 LEAST, FEWEST = 8, 5  # pixels that tell an edge or a cycle, and such edges or cycles that tell something
 SCATTER = 0.25  # of a cell or period, beyond which pixels of one edge or cycle are in doubt
 CYCLES = 2  # of the longer period in the field, over which lengths are compared; fewer are taken as they are
@@ -85,20 +85,27 @@ def beside_code(
 def _of_code(
     patterns: Sequence[Pattern], images: Sequence[NDArray], lines: NDArray, codes: Sequence[int], steps: Sequence[int]
 ) -> str:
-    ways = [_edges(patterns, images, lines, codes, steps, turned) for turned in (False, True)]
-    edge, rising, off = (np.concatenate(part) for part in zip(*ways, strict=True))
+    ways = [code_edges(patterns, images, lines, codes, steps, turned) for turned in (False, True)]
     cell = min(p.cell for k in codes if isinstance(p := patterns[k], Code))
-    place, middle = _medians(2 * edge + rising, off, SCATTER * cell)
-    found = _steady(np.asarray(place // 2 - 0.5, np.float64), middle, place % 2 > 0)
-    if found is None:
-        return ""
     wave = patterns[steps[0]]
     assert isinstance(wave, Phase)
-    if found.away:
+    turns = turning(patterns, images, ways, steps, cell)
+    found = turns and _steady(np.asarray(turns.key // 2 - 0.5), turns.off, turns.key % 2 > 0)
+    if turns and turns.far and found:
+        return (
+            f"from edge to edge of the code the phase turns {1 + found.slope:.4g} times as often as it should: they "
+            f"fit with a period of {wave.period / (1 + found.slope):.5g} lines, not {wave.period:g}"
+        )
+    if found and found.away:
         return (
             f"the phase runs away from the code, by {abs(found.away):.2f} lines over the field: they fit with a period "
             f"of {wave.period / (1 + found.slope):.5g} lines, not {wave.period:g}"
         )
+    key, off = (np.concatenate([getattr(edges, name) for edges in ways]) for name in ("key", "off"))
+    place, middle = _medians(key[np.isfinite(off)], off[np.isfinite(off)], SCATTER * cell)
+    found = _steady(np.asarray(place // 2 - 0.5, np.float64), middle, place % 2 > 0)
+    if found is None:
+        return ""
     if not found.beside:
         return ""
     way, when = ("before", "later") if found.beside < 0 else ("behind", "earlier")
@@ -128,44 +135,6 @@ def _other_profile(patterns: Sequence[Pattern], images: Sequence[NDArray], lines
     if alike[other] < alike[said] + MORE:
         return ""
     return f"; or their profile is {other}, which they look like, not {said}"
-
-
-def _edges(
-    patterns: Sequence[Pattern],
-    images: Sequence[NDArray],
-    lines: NDArray,
-    codes: Sequence[int],
-    steps: Sequence[int],
-    turned: bool,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], Array]:
-    """Edges of the code that rows, or columns, of the image cross: first line behind, does it rise, and how far off."""
-
-    def some(image: NDArray) -> Array:
-        image = image.T if turned else image
-        return np.asarray(image[:: -(-len(image) // SECTIONS)], np.float64)
-
-    u = some(lines)
-    count = int(np.nanmax(u, initial=0)) + 2
-    ahead = np.diff(u, axis=1)
-    level = np.mean([some(images[k]) for k in steps], axis=0)  # half of the light
-    edge, rising, off = [np.zeros(0, np.int64)], [np.zeros(0, bool)], [np.zeros(0)]
-    for k in codes:
-        above = some(images[k]) - level
-        usual = float(np.abs(above[np.isfinite(u)]).mean()) if np.isfinite(u).any() else np.inf
-        climb = np.diff(above, axis=1)
-        row, col = np.nonzero((above[:, :-1] * above[:, 1:] < 0) & (np.abs(climb) > CLEAR * usual) & np.isfinite(ahead))
-        at = u[row, col] - above[row, col] / climb[row, col] * ahead[row, col]
-        rises = climb[row, col] * ahead[row, col] > 0
-        change = np.diff(brightness(patterns[k], np.arange(count)))
-        for way in (True, False):
-            known = np.flatnonzero(change > 0.5 if way else change < -0.5) + 1
-            own = at[rises == way]
-            if len(known) and len(own):
-                behind = np.searchsorted((known[1:] + known[:-1] - 1) / 2, own)
-                edge.append(known[behind])
-                off.append(own - known[behind] + 0.5)
-                rising.append(np.full(len(own), way))
-    return np.concatenate(edge), np.concatenate(rising), np.concatenate(off)
 
 
 def _of_periods(
