@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.lazy import dataclass
 from core.model import Array
-from core.numerics import median_of
+from core.numerics import distinct, median_of
 from core.patterns import Pattern, Phase
 from core.verify.edges import Edges
 
@@ -77,11 +77,11 @@ def turning(
 
 def _means(key: NDArray[np.int64], turn: Turns) -> tuple[NDArray[np.int64], Turns]:
     """Edges that have pixels enough, and the mean of their phases as unit vectors."""
-    place, at, count = np.unique(key, return_inverse=True, return_counts=True)
-    mean = np.zeros(len(place), np.complex128)
-    np.add.at(mean, at, turn / np.maximum(np.abs(turn), 1e-9))
-    use = count >= LEAST
-    return place[use], (mean / np.maximum(np.abs(mean), 1e-9))[use]
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    mean = np.add.reduceat((turn / np.maximum(np.abs(turn), 1e-9))[order], first) if len(key) else turn
+    use = np.diff(first, append=len(key)) >= LEAST
+    return key[order][first][use], np.asarray(mean / np.maximum(np.abs(mean), 1e-9), np.complex128)[use]
 
 
 def _wave(patterns: Sequence[Pattern], steps: Sequence[int]) -> Turns:
@@ -107,7 +107,8 @@ def _rate(
     """Turns per line between neighbouring edges, by the phases of all pixels between."""
     rates = [np.zeros(0)]
     for edges in ways:
-        rows, own = np.unique(edges.row, return_inverse=True)
+        rows = distinct(edges.row)
+        own = np.searchsorted(rows, edges.row)
         phase = np.zeros((len(rows), images[0].shape[not edges.turned]), np.complex128)
         for weight, k in zip(_wave(patterns, steps), steps, strict=True):
             phase += weight * (images[k].T if edges.turned else images[k])[rows]

@@ -30,6 +30,7 @@ from core.patterns import Pattern, level_of, use_of
 PIXELS = 900  # of the sample that tell the curve
 FIRST = 250  # that tell if it is worth looking for
 FEWEST = 100  # pixels, fewer tell nothing
+FILLED = 0.5  # of the pixels wanted, below which they are looked for in the whole sample
 ROUNDS = 30
 DAMPED = 16.0  # times what is known beforehand, so much a round is held back
 CELLS = 24  # of a period, in which residuals are held against each other
@@ -61,7 +62,6 @@ class _Model:
     def __init__(
         self, all_waves: tuple[Wave, ...], patterns: Sequence[Pattern], sample: Singles, top: float, pixels: int
     ) -> None:
-        sample = sample[:, :: max(1, sample.shape[1] // (4 * pixels))]
         self.waves = all_waves
         fringes = [n for wave in all_waves for n in wave.frames.frames]
         fields = [n for n, p in enumerate(patterns) if use_of(p) == "level"]
@@ -89,7 +89,7 @@ class _Model:
         quadratures = np.array([wave.seen(sample) for wave in all_waves])
         amplitude = np.abs(quadratures)
         dimmest = amplitude.min(axis=0)
-        good = (seen.max(axis=0) < top) & (dimmest > DIM * quantile_of(dimmest, 0.9)) & (dimmest > LEAST)
+        good = (seen.max(axis=0) < top) & (dimmest > _least(dimmest))
         if codes and (good & clear).sum() < CLEAR * good.sum():  # blur leaves bits no levels
             seen, self.levels, self.member = seen[:-2], self.levels[:0], self.member[:-2]
         where = np.flatnonzero(good)
@@ -116,6 +116,17 @@ class _Model:
         if r.values.tobytes() == _START:  # every look begins with the same
             return _first_slopes(self.waves, tuple(self.levels))
         return _slopes(self.waves, self.levels, r)
+
+
+def _model(
+    all_waves: tuple[Wave, ...], patterns: Sequence[Pattern], sample: Singles, top: float, pixels: int
+) -> _Model:
+    """Model so many pixels of a sample; of a part of it, unless what is lit is small in the image."""
+    thin = max(1, sample.shape[1] // (4 * pixels))
+    found = _Model(all_waves, patterns, sample[:, ::thin], top, pixels)
+    if thin > 1 and found.size < FILLED * pixels:
+        return _Model(all_waves, patterns, sample, top, pixels)
+    return found
 
 
 _START = np.concatenate([np.zeros(PARAMETERS), [BLUR[0], BLUR[0], 0.0, 0.0]]).tobytes()
@@ -164,14 +175,14 @@ def estimate_response(
         return None, None
     parts = (len(range(*each.indices(n))) for each, n in zip(spread(images[0].shape), images[0].shape, strict=True))
     turns, tile = _turns(all_waves, sample, saturation, _tiles(*parts))
-    first = _Model(all_waves, patterns, sample, saturation, FIRST)
+    first = _model(all_waves, patterns, sample, saturation, FIRST)
     if first.size < FEWEST:
         return None, None
     crowds = [Crowd(wave, each, tile) for wave, each in zip(all_waves, turns, strict=True)]
     looked = _search(first, crowds)
     if looked is None or _significance(*explained(crowds, looked)) < WORTH:
         return None, None
-    model = _Model(all_waves, patterns, sample, saturation, PIXELS)
+    model = _model(all_waves, patterns, sample, saturation, PIXELS)
     found = _search(model)
     assert found is not None
     curve = _search_camera(model, found) if camera else None
@@ -292,6 +303,12 @@ def _phases(images: Sequence[Image], all_waves: Sequence[Wave], saturation: floa
     return _turns(all_waves, some, saturation, _tiles(rows, columns))
 
 
+def _least(amplitude: Array) -> float:
+    """The modulation that a pixel must have, by the brightest tenth; by a hundredth where no tenth is lit."""
+    usual, brightest = quantile_of(amplitude, 0.9), quantile_of(amplitude, 0.99)
+    return max(DIM * (usual if usual > DIM * brightest else brightest), LEAST)
+
+
 def _tiles(rows: int, columns: int) -> NDArray[np.intp]:
     """Of pixels spread evenly over the image, the tile that each is in."""
     down, across = (np.arange(n) * TILES // n for n in (rows, columns))
@@ -307,7 +324,7 @@ def _turns(
         grey = np.stack([shown[n] for n in wave.frames.frames]).astype(np.float32)
         z = np.einsum("f,fn->n", wave.both.astype(np.complex64), grey)
         amplitude = np.abs(z)
-        good = good & (grey.max(axis=0) < saturation) & (amplitude > max(DIM * quantile_of(amplitude, 0.9), LEAST))
+        good = good & (grey.max(axis=0) < saturation) & (amplitude > _least(amplitude))
         found.append(z)
     return np.asarray(np.angle(np.array(found)[:, good]) / (2 * np.pi), float), tile[good]
 

@@ -249,6 +249,29 @@ def test_a_straight_response_is_left_alone(name: str) -> None:
     assert decoded(name, 1.0).response is None
 
 
+@pytest.mark.parametrize("noise", [0.2, 1.4])
+@pytest.mark.parametrize("steps", [3, 4])
+def test_a_response_is_found_on_an_object_that_is_small_in_the_image(steps: int, noise: float) -> None:
+    """The projector lights a sixteenth of the image; without the curve most pixels take a wrong order, or none."""
+    sight = Sight(power(2.0))
+    patterns = sequence((LINES / 20, LINES / 21), steps, False, True)
+    rng, rim = np.random.default_rng(5), ((230, 240), (700, 750))
+    images = []
+    for image in sight.take(patterns):
+        dark = rng.normal(6, noise, (HEIGHT + sum(rim[0]), WIDTH + sum(rim[1])))
+        dark[rim[0][0] : -rim[0][1], rim[1][0] : -rim[1][1]] = image
+        images.append(np.clip(np.rint(dark), 0, 255).astype(np.uint8))
+    phase = decode(patterns, images, lines=(LINES, 480))
+    inside = slice(rim[0][0], -rim[0][1]), slice(rim[1][0], -rim[1][1])
+    assert phase.response is not None
+    light = np.interp(0.5, *phase.response.T)
+    assert abs(light - 0.25) < 0.03
+    u, sigma = phase.u[inside], phase.sigma_u[inside]
+    valid = np.isfinite(u)
+    assert valid.mean() > 0.9
+    assert np.mean(np.abs(u - sight.u)[valid] > 3 * sigma[valid]) < 0.02
+
+
 def test_the_curve_is_found() -> None:
     """As far as it shows: half a percent of light is a fiftieth of a line at a period of 16."""
     patterns = sequence((16.0, 24.0), 5, True, True)
