@@ -95,8 +95,9 @@ def notes_on(
     seen, lost = flags[lit], missing[lit]
     if lost.mean() <= 1 - PROMISED:
         return ()
-    waves = any(len(table.period) or table.start == WORDS for table in tables)  # a code is told at full scale, too
-    clipped = (sample.max(axis=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0) & waves
+    telling = {n for table in tables for n in table.phase_frames.tolist()}  # a code is told at full scale, too
+    shown = sample if any(table.start == WORDS for table in tables) else sample[sorted(telling)]
+    clipped = (shown.max(axis=0, initial=0)[lit] >= limits.saturation) & (seen & np.uint8(ORDER) != 0)
     seen = np.where(clipped, np.uint8(Flag.SATURATED), seen)
     head = f"Only {1 - lost.mean():.0%} of the pixels that the projector lights decode"
     usual = float(np.median(noise[lit])) / steps

@@ -18,7 +18,7 @@ from core.algebra import on_own_threads
 from core.model import Capture, PhaseMap, Plan, Subject
 from core.model.finding import Finding
 from core.numerics import median_of, quantile_of, quantiles_in, spaced
-from core.patterns import Axis, Code, Line, axis_of, level_of
+from core.patterns import Axis, Code, Line, Pattern, Phase, axis_of, level_of
 from core.verify.beside import beside_code
 from core.verify.between import halves
 from core.verify.contradictions import PIXELS, Looked
@@ -82,7 +82,7 @@ def check_stored(
     else:
         plan, sampled = _looked_at(capture, images, range(len(images)))
         named = _stretched(_plain(plan, sampled), images, sampled.full)
-        found = [*_light(sampled, capture.role in ("testfield", "depth")), *named]
+        found = [*_light(patterns, sampled, capture.role in ("testfield", "depth")), *named]
         checks = {f.check for f in found}
         if "light" not in checks:
             most = SHARE * (1 + ("saturation" in checks))
@@ -148,7 +148,8 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     return replace(found, white=np.maximum(found.white, bright), noise=noise)
 
 
-def _light(sampled: Sampled, board: bool) -> list[Finding]:
+def _light(patterns: Sequence[Pattern], sampled: Sampled, board: bool) -> list[Finding]:
+    """Hardly any light, or too much of it: on a `board`, whose dots are measured in whole fields, in any frame."""
     contrast = sampled.contrast
     lit = contrast > 0.03 * sampled.full
     if lit.mean() < DARK and np.median(sampled.grey) >= sampled.full:
@@ -157,7 +158,9 @@ def _light(sampled: Sampled, board: bool) -> list[Finding]:
     if lit.mean() < DARK:
         text = "hardly any light of the projector in the image: lamp, lens, exposure, or frames of another capture"
         return [Finding("light", "bad", text, {"lit": float(lit.mean())})]
-    full = np.max(sampled.grey, axis=0) >= sampled.full
+    stepped = any(isinstance(p, Phase) for p in patterns) and not board  # whole fields then tell no coordinates
+    telling = [k for k, p in enumerate(patterns) if axis_of(p) is not None or not stepped]
+    full = np.max(sampled.grey[telling], axis=0) >= sampled.full
     dots = contrast > BRIGHT * quantile_of(contrast, 0.97)  # of a black board, small beside what is lit
     for share, most, what in (
         (float(np.mean(full[lit])), SATURATED, "lit"),

@@ -80,6 +80,17 @@ def test_frames_in_the_wrong_place(bench, change) -> None:
     assert "Take the capture again" in note
 
 
+def test_white_at_full_scale_hides_no_frames_in_the_wrong_place(bench) -> None:
+    """Of the stripes none is saturated: what they contradict is no light."""
+
+    def wrong(images: list) -> list:
+        return [*images[3:-2], *images[:3], np.full_like(images[-2], 255), images[-1]]
+
+    note = noted(bench, wrong)
+    assert "Take the capture again" in note
+    assert "full scale" not in note
+
+
 def test_a_dark_board_accuses_no_frames(bench) -> None:
     """Shot noise is far larger in white dots than in the dark between them, where fringes are too weak for it."""
     seen = np.where(np.arange(1000) % 40 < 8, 180.0, 12.0)[None, :]

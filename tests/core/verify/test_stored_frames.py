@@ -393,6 +393,20 @@ def test_frames_that_are_saturated_all_over_are_not_called_dark() -> None:
     assert "hardly any light" not in found
 
 
+def test_whole_fields_at_full_scale_saturate_no_fringes() -> None:
+    """White frames that are brighter than fringes get cut off first; dots of a board are measured in them."""
+    patterns = list(SEQUENCES["sine"])
+    images = render(patterns, 5)
+    for k in (k for k, p in enumerate(patterns) if isinstance(p, White)):
+        images[k] = np.clip(images[k] * 2.0, 0, 255).astype(np.uint8)
+    assert told(patterns, images, "object", decoded=False) == ""
+    assert "saturated" in told(patterns, images, "testfield", decoded=False)
+    steps = [k for k, p in enumerate(patterns) if isinstance(p, Phase)]
+    for k in steps:
+        images[k] = np.clip(images[k] * 2.0, 0, 255).astype(np.uint8)
+    assert "saturated" in told(patterns, images, "object", decoded=False)
+
+
 def test_light_sections_are_not_dark() -> None:
     """Each pixel is bright in few of the frames: 0.9 of them said that there was hardly any light."""
     patterns: list[Pattern] = [Line(axis, i, 2) for axis in "xy" for i in range(1, 160, 4)]  # type: ignore[arg-type]
