@@ -40,6 +40,7 @@ UNUSUAL = 2.0  # standard deviations of the blur from which the search does not 
 COARSE = 2.0  # times the finest period, one whose amplitude tells the finest's blur
 BLUR = -0.8, 0.7  # logarithm of the blur's variance (lines²): what is usual, and how much rigs differ
 OUTLIER = 9.0  # mean square of a pixel's residuals from which it counts less
+ANOTHER = 5.0  # times that, from which light is not that of the levels shown, and tells no camera's curve
 CLEAR = 0.3  # part of the pixels that must see all bits clearly off or on, without which no level is told
 HALFWAY, FARTHEST = 0.05, 0.15  # part of a bit's light beyond which it is at an edge; most of that by `NOISY`
 NOISY = 4.0  # grey values more
@@ -224,6 +225,8 @@ def _search(model: _Model, crowds: Sequence[Crowd] = ()) -> Response | None:
 def _search_camera(model: _Model, found: Response) -> Array | None:
     """The camera's curve, found beside the projector's; None if that does not leave much that the camera explains."""
     prior = np.diag(np.concatenate([_SPREADS, np.full(TERMS, CAMERAS)]) ** -2.0)
+    if np.abs(found.values[-2:]).max() > ANOTHER * FIELD:
+        return None  # as of a lamp that follows the picture: fields tell of that, and fringes alone too little
     model.camera, before, phase, untold = np.zeros(TERMS), np.zeros(2), model.phase, UNTOLD * model.top**2
     for k in range(ROUNDS):
         normal, right = _reduced(model, found, prior)

@@ -229,6 +229,19 @@ class InStep(Sight):
         return 2 + 4 / 3 * (x - 0.008 * y)
 
 
+@pytest.mark.parametrize(("periods", "exponent", "uneven"), [((16.0, 17.0, 18.0), 2.2, 1.0), ((16.0, 24.0), 1.6, 1.8)])
+def test_a_lamp_that_follows_the_picture_is_no_tone_curve(periods: tuple, exponent: float, uneven: float) -> None:
+    """White is brighter by 30 % than the fringes are; of the camera it tells nothing."""
+    sight = Sight(power(exponent), camera=clipped, uneven=uneven, contrast=0.3, shot=0.03)
+    *patterns, _ = sequence(periods, 3, len(periods) == 2, True)
+    *images, white = sight.take(patterns)
+    phase = decode(patterns, [*images, np.uint8(np.clip(1.3 * white, 0, 255))], lines=(LINES, 480))
+    assert TONE not in phase.notes
+    good = np.isfinite(phase.u)
+    assert not good.any() or np.median(phase.sigma_u[good]) < 0.3
+    assert np.sum(np.abs(phase.u - sight.u)[good] > 3 * phase.sigma_u[good]) < 0.01 * good.size
+
+
 @pytest.mark.parametrize("exponent", [1.0, 1.4, 2.2])
 def test_pixels_in_step_with_the_fringes_are_no_response(exponent: float) -> None:
     """Three steps: the ripple, of which noise alone leaves 0.001 lines, was 0.07 to 0.16."""
