@@ -9,7 +9,7 @@ unchanging.py     ... pixels that no frame changes: dead lines, text drawn into 
 contradictions.py ... the share of pixels that no projector line explains
 mistakes.py       ... and how people describe patterns wrongly, which may explain them
 steps.py          ... phase steps that stand for others: exchanged, twice the same, of another moment
-inverted.py       ... bits of a code that are inverted, by the edges of the others
+bits.py           ... bits of a code that are inverted, or of another image, by the edges of the others
 exchanged.py      ... frames that were exchanged, by the coordinates decoded of them
 surface.py        ... whether these are of a surface, and of the right hand
 between.py        ... what changed between the frames of columns and of rows: the light, the place

@@ -21,9 +21,9 @@ from core.numerics import median_of, quantile_of, quantiles_in, spaced
 from core.patterns import Axis, Code, Line, Pattern, Phase, axis_of, level_of
 from core.verify.beside import beside_code
 from core.verify.between import halves
+from core.verify.bits import wrong_bits
 from core.verify.contradictions import PIXELS, Looked
 from core.verify.exchanged import coded_axes, exchanged_frames
-from core.verify.inverted import inverted_bits
 from core.verify.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, told_otherwise, too_fine
 from core.verify.overlapping import overlapping
 from core.verify.pixels import (
@@ -93,9 +93,9 @@ def check_stored(
         maps: list[tuple[Axis, NDArray, str]] = [("x", phase.u, "columns"), ("y", phase.v, "rows")]
         coded = coded_axes(patterns, maps)
         jumping, mirrored = exchanged_frames(coded), hand(phase)
-        doubtful = mirrored or bad or any(axis.odd for axis in coded)
-        if doubtful and len(exposures) <= 1 and (inverted := inverted_bits(patterns, images)):
-            jumping, mirrored = inverted, []
+        doubtful = mirrored or bad or phase.notes or any(axis.odd for axis in coded)
+        if doubtful and len(exposures) <= 1 and (wrong := wrong_bits(patterns, images)):
+            jumping, mirrored = wrong, []
         if jumping:
             found = [f for f in found if f.check != "lines"]  # bits in wrong places name lines that are not there
         if jumping or not bad:
