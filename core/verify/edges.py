@@ -94,10 +94,10 @@ def code_edges(
 
 def _nearest(u: Array) -> tuple[Array, Array]:
     """The nearest valid values before and behind each pair of neighbours in a row, NaN where they are far."""
-    place = np.arange(u.shape[1])
+    place = np.arange(u.shape[1], dtype=np.int32)
     valid = np.isfinite(u)
-    last = np.maximum.accumulate(np.where(valid, place, -REACH), axis=1)[:, :-1]
-    following = np.minimum.accumulate(np.where(valid, place, len(place) + REACH)[:, ::-1], axis=1)[:, -2::-1]
+    last = np.maximum.accumulate(np.where(valid, place, np.int32(-REACH)), axis=1)[:, :-1]
+    following = np.minimum.accumulate(np.where(valid, place, np.int32(len(place) + REACH))[:, ::-1], axis=1)[:, -2::-1]
     far = (place[:-1] - last >= REACH) | (following - place[1:] >= REACH)
     before, after = (np.take_along_axis(u, np.clip(each, 0, len(place) - 1), axis=1) for each in (last, following))
     before[far] = np.nan

@@ -97,13 +97,14 @@ def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> tuple[int, int]:
         first, second = (np.maximum(each[far], 0).astype(np.int64) for each in (those[:, :-APART], those[:, APART:]))
         word = (first ^ first >> 1) ^ (second ^ second >> 1)
         jumps = np.append(jumps, first[word & (word - 1) == 0])
-    if len(jumps) <= LEAST / 2:
-        return 0, 0  # too few for one cell
+    left_by = np.bincount(jumps, minlength=1)
+    if left_by.max() <= LEAST / 2:
+        return 0, 0  # as of sound captures, without a look at all pixels
     pairs = [(those[:, :-APART], those[:, APART:]) for _, those in ways]
     left = np.concatenate([a[(a != b) & np.isfinite(a) & np.isfinite(b)] for a, b in pairs])
     count = np.bincount(np.maximum(left, 0).astype(np.int64))
     judged = count >= LEAST
-    odd = judged & (np.bincount(jumps, minlength=len(count)) > 0.5 * count)
+    odd = judged & (np.pad(left_by, (0, len(count) - len(left_by))) > 0.5 * count)
     return int(np.count_nonzero(odd)), int(np.count_nonzero(judged))
 
 

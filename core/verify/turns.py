@@ -21,6 +21,7 @@ from core.verify.edges import Edges
 
 Turns = NDArray[np.complex128]
 
+PIXELS = 2000  # at edges along rows, and along columns, that are looked at
 LEAST, FEWEST = 8, 5  # pixels that tell an edge; such edges
 NEAR, STEP = 10, 0.1  # steps, and turns over the field, by which rates near the one described are tried
 EVEN, SAME = 0.8, 0.7  # mean of phases at the edges as unit vectors, at their rate; of that, at one that is no other
@@ -44,8 +45,10 @@ def turning(
     """Follow the phases of `steps` from edge to edge of the code; None where they do not turn evenly."""
     wave = patterns[steps[0]]
     assert isinstance(wave, Phase)
-    turns = [_at(patterns, images, edges, steps) for edges in ways]
-    key, turn = _means(np.concatenate([edges.key for edges in ways]), np.concatenate(turns))
+    thin = [slice(None, None, max(1, len(edges.row) // PIXELS)) for edges in ways]
+    turns = [_at(patterns, images, edges, some, steps) for edges, some in zip(ways, thin, strict=True)]
+    keys = [edges.key[some] for edges, some in zip(ways, thin, strict=True)]
+    key, turn = _means(np.concatenate(keys), np.concatenate(turns))
     if len(key) < FEWEST:
         return None
     line, rising, declared = key // 2, key % 2 > 0, 1 / wave.period
@@ -91,13 +94,16 @@ def _wave(patterns: Sequence[Pattern], steps: Sequence[int]) -> Turns:
     return np.asarray(terms[1] + 1j * terms[2])
 
 
-def _at(patterns: Sequence[Pattern], images: Sequence[NDArray], edges: Edges, steps: Sequence[int]) -> Turns:
-    """Phases at edges, as complex numbers."""
-    found = np.zeros(len(edges.row), np.complex128)
+def _at(
+    patterns: Sequence[Pattern], images: Sequence[NDArray], edges: Edges, some: slice, steps: Sequence[int]
+) -> Turns:
+    """Phases at some of the edges, as complex numbers."""
+    row, column, part = edges.row[some], edges.column[some], edges.part[some]
+    found = np.zeros(len(row), np.complex128)
     for weight, k in zip(_wave(patterns, steps), steps, strict=True):
         image = images[k].T if edges.turned else images[k]
-        first, second = (image[edges.row, edges.column + side].astype(np.float64) for side in (0, 1))
-        found += weight * (first + edges.part * (second - first))
+        first, second = (image[row, column + side].astype(np.float64) for side in (0, 1))
+        found += weight * (first + part * (second - first))
     return found
 
 
