@@ -7,11 +7,12 @@ from collections.abc import Sequence
 
 from core.capture.plan import check_shown
 from core.capture.run import ROUNDS, CaptureReport, Loop, Said, check_sizes, judge, verify
-from core.capture.store import Listen, no_listener, reopen_store
+from core.capture.store import LOCK, Listen, no_listener, reopen_store
 from core.devices import open_devices
 from core.errors import DeviceError, InputError
 from core.model import Project
 from core.progress import SILENT, Progress
+from core.project.lock import lock
 
 
 def retake_frame(
@@ -46,7 +47,8 @@ def retake_frame(
     def note(who: str, what: str) -> None:
         notes.append((time.monotonic(), who, what))
 
-    with open_devices(projector_url, camera_url, note, progress.check) as (projector, camera):
+    devices = open_devices(projector_url, camera_url, note, progress.check)
+    with devices as (projector, camera), lock(folder / LOCK, "retake"):
         check_sizes(project, projector, camera)
         check_shown(plan, projector.refusal, projector.name)
         store.note("retake", True, planned=plan.own[frame])

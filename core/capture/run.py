@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from core.capture.latency import measure_latency
 from core.capture.plan import check_shown, make_plan, sequence_for
 from core.capture.store import (
+    LOCK,
     TIFF,
     Listen,
     Store,
@@ -35,6 +36,7 @@ from core.model.finding import Finding
 from core.patterns import Pattern, describe
 from core.progress import SILENT, Progress
 from core.project import add_capture, read_project
+from core.project.lock import lock
 from core.verify.identity import identity
 from core.verify.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
 
@@ -95,6 +97,8 @@ def run_capture(
     ------
     InputError
         Before anything is written: bad URLs, names, roles, sizes.
+    BusyError
+        If another program is recording that capture.
     DeviceError
         If a device fails, or frames still do not show what they claim after `ROUNDS` rounds. What was taken stays on
         disk and the same call goes on with it.
@@ -128,14 +132,15 @@ def run_capture(
             plan = planned(camera, chosen)
             plans[camera] = replace(plan, guards=tuple(g for g in plan.guards if projector.refusal(g) is None))
             check_shown(plans[camera], projector.refusal, projector.name)
+        opened.enter_context(lock(folder / LOCK, "capture"))
         stores = {c: open_store(folder / c, plan, listen, ending, reopen=bool(c)) for c, plan in plans.items()}
         loops = [Loop(stores[camera], projector, device, notes) for camera, device in devices.items()]
         loops[0].beside = loops[1:]
         report = loops[0].run(progress)
-    if "" not in urls:
-        list_together(folder, list(stores.values()), report.findings)
-        report = replace(report, folder=folder, frames=report.frames * len(loops))
-    add_capture(project.path, f"captures/{subject.name}")
+        if "" not in urls:
+            list_together(folder, list(stores.values()), report.findings)
+            report = replace(report, folder=folder, frames=report.frames * len(loops))
+        add_capture(project.path, f"captures/{subject.name}")
     return report
 
 
@@ -179,13 +184,14 @@ class Loop:
             self.take(missing, progress.part(0.9 * attempt / (attempt + 1), 0.9))
             findings = [f for loop in self.together for f in loop.verified(progress.part(0.9, 1.0))]
             wrong, moved = judge(findings)
-            if not wrong and moved and not whole_again:
-                wrong, whole_again = list(range(len(self.plan.shots))), True
-                self._drop(wrong, moved.text)
+            reasons = "; ".join(f.text for f in findings if f.level == "bad" or f is moved)
+            # what was taken before an interruption may show the scene at another place
+            if not whole_again and (resumed and attempt if wrong else moved):
+                whole_again = True
+                self._drop(range(len(self.plan.shots)), reasons)
                 continue
             if not wrong:
                 return self.finish(findings, start, retakes, resumed)
-            reasons = "; ".join(f.text for f in findings if f.level == "bad" or f is moved)
             if self._by_clock:  # a trigger that was missed shifts all that follow
                 self._drop(range(len(self.plan.shots)), reasons)
                 continue

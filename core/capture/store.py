@@ -37,6 +37,7 @@ from core.project.unfinished import TRANSCRIPT, Status, intact_shots, unfinished
 Listen = Callable[[dict[str, Any]], None]  # hears every line of the transcript as it is written, in whatever thread
 
 
+LOCK = ".lock"  # held by the program that records into the folder
 TIFF, PNG = ".tif", ".png"  # plain TIFF goes to the disk as quickly as the disk takes it
 AHEAD = 4  # frames that may wait for the disk: what a power cut can cost beyond the one being taken
 
@@ -179,7 +180,7 @@ def open_store(
     other = InputError(
         folder, "an interrupted capture with another plan", "give the same options as then, or remove its folder first"
     )
-    if not folder.exists() or not any(p for p in folder.iterdir() if not p.name.endswith(".part")):
+    if not folder.exists() or not any(p for p in folder.iterdir() if not p.name.endswith((".part", LOCK))):
         with _told(folder):
             folder.mkdir(parents=True, exist_ok=True)
         store = Store(folder, plan, listen=listen, ending=ending)

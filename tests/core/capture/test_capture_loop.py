@@ -1,6 +1,7 @@
 """The loop on virtual devices: right frames, wrong frames taken again, interruptions."""
 
 import json
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +12,9 @@ import pytest
 from core.capture import capture_status, make_plan, run_capture
 from core.devices import open_camera
 from core.devices.scene import FlatScene
-from core.errors import Cancelled, DeviceError, InputError
+from core.errors import BusyError, Cancelled, DeviceError, InputError
 from core.model import Project, Subject
-from core.patterns import Black, Level, Phase, White, gray_and_phase, parse_sequence, reference_sequence
+from core.patterns import Black, Level, Phase, SequenceSpec, White, gray_and_phase, parse_sequence, reference_sequence
 from core.progress import Progress
 from core.project import read_capture, read_image, read_project
 
@@ -98,11 +99,52 @@ def test_an_interrupted_capture_says_what_is_missing_and_goes_on_there(project: 
     assert truly_shows(report.folder)
 
 
+def test_an_interrupted_capture_of_a_scene_that_was_moved_is_taken_anew(project: Project) -> None:
+    """The guard frame of before was kept, and every further call said that the scene had moved."""
+    project = replace(project, sequence=SequenceSpec("gray-sine"))
+    asked = iter(range(24 + 8))  # once a pattern while loading, then before every image
+    with pytest.raises(Cancelled):
+        run_capture(project, A, FLAT, FLAT, progress=Progress(cancelled=lambda: next(asked, None) is None))
+    assert capture_status(project.path / "captures/a").taken > 3
+    camera = open_camera(FLAT)  # keeps the stage alive
+    still, camera.stage.scene = camera.stage.scene, FlatScene(shift_px=16.0)
+    try:
+        report = run_capture(project, A, FLAT, FLAT)
+    finally:
+        camera.stage.scene = still
+    assert not any(f.check == "movement" and f.level != "good" for f in report.findings)
+    moved = FlatScene(noise=0.0, shift_px=16.0)
+    for frame in read_capture(report.folder).frames:
+        assert np.abs(read_image(frame.path).astype(float) - moved.frame(frame.pattern, 0)).mean() < 1.5
+
+
 def test_an_interrupted_capture_is_not_continued_with_another_plan(project: Project) -> None:
     with pytest.raises(DeviceError):
         run_capture(project, A, FLAT, f"{FLAT}?faults=no-frame:1")
     with pytest.raises(InputError, match="another plan"):
         run_capture(project, Subject("plane", "a"), FLAT, FLAT)
+
+
+def test_a_second_program_does_not_record_into_the_same_capture(project: Project) -> None:
+    """It took the capture for an interrupted one: frames of two rigs were mixed, and both said that all was well."""
+    refused: list[str] = []
+
+    def second() -> None:
+        with pytest.raises(BusyError) as told:
+            run_capture(project, A, FLAT, FLAT)
+        refused.append(str(told.value))
+
+    def listen(entry: dict) -> None:
+        if not refused:
+            thread = threading.Thread(target=second)
+            thread.start()
+            thread.join()
+
+    report = run_capture(project, A, FLAT, FLAT, listen=listen)
+    assert refused
+    assert f"{report.folder}: is being written by" in refused[0]
+    assert truly_shows(report.folder)
+    assert not (report.folder / ".lock").exists()
 
 
 def test_a_complete_capture_is_never_overwritten(project: Project) -> None:
