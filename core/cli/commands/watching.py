@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from signal import SIGINT
 from typing import Any
 
 from core import pipeline
@@ -152,6 +153,8 @@ def _live(options: Options, progress: Progress) -> dict[str, Any]:
                     if note not in notes:
                         print(f"      {note}", flush=True)
                 notes.update(cycle.notes)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as ended:
+            if ended.args and ended.args[0] != SIGINT:
+                raise
             print(f"ended after {len(figures)} sequences")
     return {"cycles": figures}

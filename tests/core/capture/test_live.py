@@ -3,6 +3,7 @@
 import json
 import time
 from pathlib import Path
+from signal import SIGINT, SIGTERM
 
 import numpy as np
 import pytest
@@ -35,19 +36,23 @@ def test_every_cycle_is_the_plane_that_stands_there(calibrated: Path, tmp_path: 
     assert before == {p: p.read_bytes() for p in calibrated.rglob("*.json")}
 
 
-def test_an_interruption_ends_it_and_keeps_what_is_there(calibrated: Path, monkeypatch, capsys) -> None:
+@pytest.mark.parametrize(("number", "code"), [(SIGINT, 0), (SIGTERM, 143)])
+def test_an_interruption_ends_it_and_keeps_what_is_there(
+    number: int, code: int, calibrated: Path, monkeypatch, capsys
+) -> None:
+    """Ctrl+C is how an operator ends it; what else ends it says so, as every command does."""
     wait, calls = live._wait, []
 
     def interrupted(*arguments):
         calls.append(time.monotonic())
         if len(calls) == 2:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(number)
         return wait(*arguments)
 
     monkeypatch.setattr(live, "_wait", interrupted)
-    assert main(["live", str(calibrated), "--projector", RIG, "--camera", RIG]) == 0
+    assert main(["live", str(calibrated), "--projector", RIG, "--camera", RIG]) == code
     assert time.monotonic() - calls[-1] < 2.0
-    assert "ended after 1 sequences" in capsys.readouterr().out
+    assert ("ended after 1 sequences" in capsys.readouterr().out) == (code == 0)
 
 
 @pytest.mark.parametrize(
