@@ -161,7 +161,8 @@ def intersect_targets(
     valid = np.asarray((weight > 0).any(axis=1) & np.isfinite(at).all(axis=1))
     both = np.asarray((weight > 0).all(axis=1) & valid)
     rest = np.where(both[:, None], seen - at, np.nan)
-    across = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
+    with np.errstate(invalid="ignore"):
+        across = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
     off = np.sum(rest * across, axis=1)
     return np.where(valid[:, None], rays * depth[:, None], np.nan), off, np.sqrt(np.sum((across * sigma) ** 2, axis=1))
 

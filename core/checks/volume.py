@@ -145,12 +145,16 @@ def image_fields(device: AdjustedDevice, covariance: Array, xyz_mm: Array) -> Ar
 def bend_of_plane(fields: Array, xyz_mm: Array, normal: Array) -> float:
     """By how much errors of a calibration, as fields (k, n, 3), bend a plane through points (n, 3), mm r.m.s.
 
-    Where the plane stands and how it is tilted is no matter of its form.
+    Where the plane stands and how it is tilted is no matter of its form. Points that rays miss, NaN, do not count.
     """
+    met = np.isfinite(xyz_mm).all(axis=1) & np.isfinite(fields).all(axis=(0, 2))
+    fields, xyz_mm = fields[:, met], xyz_mm[met]
+    if not fields.size:
+        return 0.0
     A = np.column_stack([np.ones(len(xyz_mm)), xyz_mm - xyz_mm.mean(axis=0)])
     moved = fields @ normal
     rest = moved - moved @ np.linalg.pinv(A, rcond=1e-9).T @ A.T
-    return float(np.sqrt(np.mean(np.sum(rest**2, axis=0)))) if len(fields) else 0.0
+    return float(np.sqrt(np.mean(np.sum(rest**2, axis=0))))
 
 
 def form_of_fields(fields: Array, xyz_mm: Array) -> Array:

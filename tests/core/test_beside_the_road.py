@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ import pytest
 from core.cli import main
 from core.evaluate import line_across
 from core.geometry import Pose, project
-from core.model import Interior
-from core.pipeline import evaluate_project, project_states, update_project
+from core.model import Interior, PointCloud
+from core.pipeline import evaluate_project, load_calibrations, project_states, update_project
 from core.pipeline.evaluate import load_evaluation
+from core.pipeline.judge import bend_rms
 from core.pipeline.signed import load_sign_off
 from core.project import read_capture, read_project
 from core.project.made import FILE as MADE
@@ -178,6 +180,17 @@ def test_all_tables_are_written_as_csv(evaluated: Path, tmp_path: Path) -> None:
 def test_a_report_that_is_not_written_is_not_handed_over(evaluated: Path, tmp_path: Path, capsys) -> None:
     assert main(["tables", str(evaluated), "--out", str(tmp_path / "out"), "--report"]) == 2
     assert "not written" in capsys.readouterr().err
+
+
+def test_a_plane_fitted_through_the_camera_has_a_form(evaluated: Path) -> None:
+    """As points of rows alone give one: half of the rays miss it, and `evaluate` ended with a traceback."""
+    project = read_project(evaluated)
+    found = load_calibrations(project)
+    assert len(found) == 2
+    for method, calibration in found.items():
+        e = next(e for e in load_evaluation(project) if e.method == method)
+        edge = replace(e, plane=np.array([0.0, 1.0, 1e-3, -5.0]))
+        assert np.isfinite(bend_rms(edge, PointCloud(np.zeros((1, 1, 3), np.float32)), calibration))
 
 
 def test_signing_and_withdrawing(evaluated: Path, tmp_path: Path) -> None:
