@@ -108,6 +108,7 @@ def live_cycles(
     DeviceError
     """
     from core.capture.live import continuous
+    from core.reconstruct import exporter_for
 
     project = read_project(folder)
     chosen, calibration = chosen_calibration(project, method)
@@ -118,7 +119,10 @@ def live_cycles(
     usual, own = record.pair(project, calibration) if record.one_pair else project.rig.usual
     shown_by = shown_by or own
     cameras = _cameras(project, camera, "" if record.joint else usual)
-    check_cloud((out or Path()) / f"0001.{ending}", joined=record.joint and len(cameras) > 1)
+    if out is None:
+        exporter_for(Path(f"0001.{ending}"))  # nothing is written: the ending alone has to be one
+    else:
+        check_cloud(out / f"0001.{ending}", joined=record.joint and len(cameras) > 1)
     check_names(project, "camera", cameras)
     check_names(project, "projector", [shown_by])
     maker = _Maker(project, chosen, calibration, tuple(cameras), shown_by)

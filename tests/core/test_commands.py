@@ -244,6 +244,13 @@ def test_figures_are_written_though_nobody_reads_the_text(calibrated: Path, tmp_
     assert json.loads(figures.read_text())["runs"]
 
 
+def test_points_that_are_not_written_need_no_place(calibrated: Path, tmp_path: Path, monkeypatch) -> None:
+    """The working folder was asked for one, and may be read-only, or hold a folder of that name."""
+    (tmp_path / "0001.ply").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main(["live", str(calibrated), "--count", "1"]) == 0
+
+
 def test_a_format_of_points_that_is_none_is_refused_without_a_file(calibrated: Path, capsys) -> None:
     assert main(["live", str(calibrated), "--count", "1", "--format", "jpeg"]) == 2
     assert "ends in '.jpeg'; give a file name ending in one of .e57" in capsys.readouterr().err
