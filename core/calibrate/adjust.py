@@ -53,7 +53,7 @@ from core.calibrate.solution.solve import (
 )
 from core.calibrate.solution.state import State
 from core.errors import AdjustmentError
-from core.geometry import similarity
+from core.geometry import similarity_residual
 from core.lazy import dataclass
 from core.model import Adjustment, Array, Concern, Network
 from core.progress import SILENT, Progress
@@ -168,10 +168,8 @@ def _handed_as_given(solved: Solved, network: Network) -> bool:
     """Whether points come out as they are given, rather than as their mirror image."""
     given = dict(zip(network.point_names, network.point_xyz_mm, strict=True))
     places = np.array([given[name] for name in solved.network.point_names])
-    found = [solved.state.xyz * (1, 1, hand) for hand in (1, -1)]
-    fitted = [(scale * xyz @ R.T + shift) for xyz in found for scale, R, shift in [similarity(xyz, places)]]
-    off = [float(np.sum((there - places) ** 2)) for there in fitted]
-    return off[0] <= off[1]
+    off, mirrored = (similarity_residual(solved.state.xyz * (1, 1, hand), places) for hand in (1, -1))
+    return off <= mirrored
 
 
 def _fits(network: Network, options: AdjustOptions) -> bool:

@@ -13,7 +13,7 @@ from core.checks.network import DOUBTFUL_RATIO, FAILED_RATIO, LEVEL, cautious, c
 from core.checks.weights import uneven_sigmas
 from core.digits import unit_hint
 from core.errors import listed
-from core.geometry import similarity
+from core.geometry import similarity, similarity_residual
 from core.model import Adjustment, Array, Concern, Network, NetworkScale
 from core.numerics import nearest, normal_limit
 
@@ -92,12 +92,6 @@ def _too_near(adjustment: Adjustment) -> Iterator[str]:
                 "coordinates and lengths in mm, not in m"
             )
             return
-
-
-def _off(source: Array, target: Array) -> float:
-    """Deviations of points from others after the best similarity, r.m.s."""
-    scale, R, shift = similarity(source, target)
-    return float(np.sqrt(np.mean(np.sum((scale * source @ R.T + shift - target) ** 2, axis=1))))
 
 
 def _known(adjustment: Adjustment) -> list[Concern]:
@@ -179,7 +173,7 @@ def _mirrored(adjustment: Adjustment) -> list[Concern]:
     """Find points that are adjusted to the mirror image of the approximate ones: no residual shows that."""
     given, found = adjustment.network.point_xyz_mm, adjustment.points_mm
     most = min(MIRRORED, 1 - CHANCE / np.sqrt(len(found)))
-    off, mirrored = (_off(found * (1, 1, hand), given) for hand in (1, -1))
+    off, mirrored = (similarity_residual(found * (1, 1, hand), given) for hand in (1, -1))
     if mirrored >= most * off:
         return []
     text = (
@@ -251,7 +245,7 @@ def _length(adjustment: Adjustment, bar: NetworkScale, left_mm: float) -> list[C
             f"{found * roughly / size:.4g} mm{unit_hint(ratio, 1 / ratio)}: correct the length or the coordinates"
         )
         return [Concern("doubtful", text)]
-    shape = _off(points[1] * ratio, points[0]) * np.sqrt(len(points[0]))
+    shape = similarity_residual(points[1] * ratio, points[0]) * np.sqrt(len(points[0]))
     if abs(ratio - 1) > UNLIKE_SCALE and abs(size - roughly) > KEPT * shape:
         text = (
             f"network.json: the length from {start} to {stop} is {bar.length_mm:.6g} mm, at the scale of points.csv "

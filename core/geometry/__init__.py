@@ -39,6 +39,7 @@ from core.geometry.rotation import (
     matrix_from_rotation_vector,
     rotation_vector_from_matrix,
     similarity,
+    similarity_residual,
 )
 
 __all__ = [
@@ -46,5 +47,6 @@ __all__ = [
     "distort", "estimated", "fitted", "held_axes", "image_to_pixel", "knows", "lens_of", "matrix_from_axis_angle",
     "matrix_from_rotation_vector", "nominal", "orientation_names", "orientation_variances", "pair_derivatives",
     "pair_for", "pair_named", "pair_of", "perturbed", "pixel_to_image", "project", "project_with_derivatives",
-    "ray_directions", "regular", "rotation_vector_from_matrix", "similarity", "undistort",
+    "ray_directions", "regular", "rotation_vector_from_matrix", "similarity", "similarity_residual",
+    "undistort",
 ]  # fmt: skip

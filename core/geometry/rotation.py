@@ -58,6 +58,12 @@ def similarity(source: Array, target: Array, *, scaled: bool = True) -> tuple[fl
     return scale, R, target_middle - scale * R @ middle
 
 
+def similarity_residual(source: Array, target: Array) -> float:
+    """Deviations of points (n, 3) from others after the best `similarity`, r.m.s."""
+    scale, R, shift = similarity(source, target)
+    return float(np.sqrt(np.mean(np.sum((scale * source @ R.T + shift - target) ** 2, axis=1))))
+
+
 def matrix_from_axis_angle(axis: ArrayLike, angle_rad: float) -> Array:
     """Rotation matrix about an axis (shape (3,), any length) by an angle in rad, right-handed."""
     a = np.asarray(axis, dtype=np.float64)

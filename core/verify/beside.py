@@ -104,9 +104,7 @@ def _of_code(
     key, off = (np.concatenate([getattr(edges, name) for edges in ways]) for name in ("key", "off"))
     place, middle = _medians(key[np.isfinite(off)], off[np.isfinite(off)], SCATTER * cell)
     found = _steady(np.asarray(place // 2 - 0.5, np.float64), middle, place % 2 > 0)
-    if found is None:
-        return ""
-    if not found.beside:
+    if found is None or not found.beside:
         return ""
     way, when = ("before", "later") if found.beside < 0 else ("behind", "earlier")
     turn = abs(found.beside) * 360 / wave.period

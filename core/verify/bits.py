@@ -103,8 +103,8 @@ def wrong_bits(patterns: Sequence[Pattern], images: Sequence[NDArray]) -> list[F
         if not turned:  # a frame of another image lights what the others do not
             edges = _edges(frames, shown, images, len(numbers), rank=-2)
             bits = [bit for bit in numbers[1:] if Told.of(*edges, without=bit).foreign(bit)]
-        if len(bits) != 1 and not turned:
-            continue
+            if len(bits) != 1:
+                continue
         shots = tuple(sorted(k for (bit, _), k in frames.items() if bit in bits))
         told = _inverted(bits, shots, whole=len(turned) > 1 and not upright) if turned else _foreign(shots)
         along = "columns" if axis == "x" else "rows"

@@ -46,7 +46,8 @@ def turning(
     wave = patterns[steps[0]]
     assert isinstance(wave, Phase)
     thin = [slice(None, None, max(1, len(edges.row) // PIXELS)) for edges in ways]
-    turns = [_at(patterns, images, edges, some, steps) for edges, some in zip(ways, thin, strict=True)]
+    weights = _wave(patterns, steps)
+    turns = [_at(weights, images, edges, some, steps) for edges, some in zip(ways, thin, strict=True)]
     keys = [edges.key[some] for edges, some in zip(ways, thin, strict=True)]
     key, turn = _means(np.concatenate(keys), np.concatenate(turns))
     if len(key) < FEWEST:
@@ -67,7 +68,7 @@ def turning(
     at_end = abs(rate - declared) > (NEAR - 0.5) * step
     if far := at_end or near < SAME:
         even, rate = likeliest(np.asarray(np.arange(-0.5 / cell, 0.5 / cell, step)))
-        between = _rate(patterns, images, ways, steps) if even > EVEN and (at_end or near < SAME * even) else None
+        between = _rate(weights, images, ways, steps) if even > EVEN and (at_end or near < SAME * even) else None
         if between is None:
             return None
         rate += np.round((between - rate) * cell) / cell  # edges are whole cells apart
@@ -94,29 +95,25 @@ def _wave(patterns: Sequence[Pattern], steps: Sequence[int]) -> Turns:
     return np.asarray(terms[1] + 1j * terms[2])
 
 
-def _at(
-    patterns: Sequence[Pattern], images: Sequence[NDArray], edges: Edges, some: slice, steps: Sequence[int]
-) -> Turns:
+def _at(weights: Turns, images: Sequence[NDArray], edges: Edges, some: slice, steps: Sequence[int]) -> Turns:
     """Phases at some of the edges, as complex numbers."""
     row, column, part = edges.row[some], edges.column[some], edges.part[some]
     found = np.zeros(len(row), np.complex128)
-    for weight, k in zip(_wave(patterns, steps), steps, strict=True):
+    for weight, k in zip(weights, steps, strict=True):
         image = images[k].T if edges.turned else images[k]
         first, second = (image[row, column + side].astype(np.float64) for side in (0, 1))
         found += weight * (first + part * (second - first))
     return found
 
 
-def _rate(
-    patterns: Sequence[Pattern], images: Sequence[NDArray], ways: Sequence[Edges], steps: Sequence[int]
-) -> float | None:
+def _rate(weights: Turns, images: Sequence[NDArray], ways: Sequence[Edges], steps: Sequence[int]) -> float | None:
     """Turns per line between neighbouring edges, by the phases of all pixels between."""
     rates = [np.zeros(0)]
     for edges in ways:
         rows = distinct(edges.row)
         own = np.searchsorted(rows, edges.row)
         phase = np.zeros((len(rows), images[0].shape[not edges.turned]), np.complex128)
-        for weight, k in zip(_wave(patterns, steps), steps, strict=True):
+        for weight, k in zip(weights, steps, strict=True):
             phase += weight * (images[k].T if edges.turned else images[k])[rows]
         turns = np.cumsum(np.angle(phase[:, 1:] * np.conj(phase[:, :-1])), axis=1) / (2 * pi)
         turns = np.pad(turns, ((0, 0), (1, 0)))

@@ -8,6 +8,7 @@ import numpy as np
 
 from core.calibrate.solution.equations import POSE, equations_band, room_for_block
 from core.calibrate.solution.problem import Observed, Problem
+from core.calibrate.solution.robust import ENOUGH
 from core.calibrate.solution.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.model import Array, Ints
@@ -17,7 +18,6 @@ from core.parallel import run_in_bands
 ITERATIONS = 8
 SETTLED = 1e-3  # share of the weighted squares by which a step has to lower them to be followed by another
 OUTLYING = 3.0  # median residuals of its pose beyond which an observation counts less
-ENOUGH = 5  # points of a pose: among fewer it fits three as well as can be, whichever of them is wrong
 
 
 @inner(error_model="numpy")

@@ -19,7 +19,7 @@ from core.numerics import sigma_by_median
 HALF_WEIGHT = 3.0  # usual misfits of its device at which an observation counts half
 ITERATIONS = 60
 SETTLED = 1e-6  # gain of a step, as a share of the weighted squares, that ends the iterations
-ENOUGH = 5  # points of a pose; fewer lose their weight together: a pose fits three of them as well as can be
+ENOUGH = 5  # points of a pose: it fits three of fewer as well as can be, and none tells which of them is wrong
 LEAST_UNIT = 1e-6  # sigmas: what observations without noise leave is rounding
 
 

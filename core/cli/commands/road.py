@@ -118,18 +118,17 @@ def _measure(options: Options, progress: Progress) -> dict[str, Any]:
 
 
 def _calibrate(options: Options, progress: Progress) -> dict[str, Any]:
-    degree = pipeline.CalibrateOptions().degree if options.degree is None else options.degree
-    if degree is not None and degree < 1:
-        raise InputError("--degree", f"is {degree}", "give 1 or more")
-    if options.table and options.degree is not None:
-        raise InputError("--table", f"does not go with --degree {degree}", "leave one of the two out")
+    if options.degree is not None and options.degree < 1:
+        raise InputError("--degree", f"is {options.degree}", "give 1 or more")
+    if options.degree is not None and options.table:
+        raise InputError("--table", f"does not go with --degree {options.degree}", "leave one of the two out")
     if not 0 <= options.low_pass <= 1000:
         raise InputError("--low-pass", f"is {options.low_pass}", "give 0 to 1000 pixels")
     if not 0 <= options.reject < math.inf:
         raise InputError("--reject", f"is {options.reject}", "give 0 or more sigmas")
     chosen = pipeline.CalibrateOptions(
         rigid=not options.free_stations,
-        degree=None if options.table else degree,
+        degree=None if options.table else options.degree or pipeline.CalibrateOptions().degree,
         low_pass_px=options.low_pass,
         without=tuple(options.without),
         hold=tuple(options.hold),
