@@ -38,6 +38,7 @@ from core.progress import SILENT, Progress
 from core.project import add_capture, read_project
 from core.project.lock import lock
 from core.verify.identity import identity
+from core.verify.misfit import misfitting_steps
 from core.verify.quality import lamp, line, modulation, movement, sample_grid, saturation, summarise
 
 ROUNDS = 4  # times that wrong frames are taken again before the capture is given up
@@ -364,8 +365,11 @@ def verify(store: Store, lines: tuple[int, int], progress: Progress = SILENT) ->
     before = [store.read(i).astype(np.float64) for i, _ in plan.guard_pairs]
     after = [store.read(i).astype(np.float64) for _, i in plan.guard_pairs]
     progress(0.5, "verifying")
+    shown = identity(plan, sampled, lines)
+    if all(f.level != "bad" for f in shown):
+        shown += misfitting_steps(plan, sampled).values()
     return [
-        *identity(plan, sampled, lines),
+        *shown,
         modulation(plan, sampled),
         saturation(sampled),
         lamp(plan, sampled),

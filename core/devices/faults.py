@@ -28,6 +28,7 @@ CAMERA_FAULTS = {
     "stale-frame": "the image before this one comes again",
     "no-frame": "no image comes in time",
     "torn-frame": "the lower half is from the image before",
+    "mixed-frame": "30 % of the light is of the image before",
 }
 
 TRIGGER_FAULTS = {  # whichever of projector and camera triggers the other

@@ -180,6 +180,8 @@ class VirtualCamera:
         elif fault == "torn-frame" and previous is not None:
             half = len(pixels) // 2
             pixels = np.concatenate([pixels[:half], previous[half:]])
+        elif fault == "mixed-frame" and previous is not None:
+            pixels = np.rint(0.7 * pixels + 0.3 * previous).astype(pixels.dtype)
         return Image(pixels, self.bits, start)
 
     def arm(self, count: int) -> None:

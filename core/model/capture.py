@@ -75,6 +75,10 @@ class Plan:
         """Which shots are frames of the capture."""
         return range(len(self.guards), len(self.guards) + len(self.patterns))
 
+    def place(self, shot: int) -> str:
+        """Name a shot in words, by its number among the capture's frames."""
+        return f"frame {shot - self.own.start}" if shot in self.own else "a guard frame"
+
     @property
     def guard_pairs(self) -> list[tuple[int, int]]:
         """Shots of the same guard, before and after."""

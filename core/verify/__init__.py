@@ -14,6 +14,7 @@ exchanged.py      ... frames that were exchanged, by the coordinates decoded of 
 surface.py        ... whether these are of a surface, and of the right hand
 between.py        ... what changed between the frames of columns and of rows: the light, the place
 overlapping.py    ... frames that hold light of the pattern after, or before
+misfit.py         ... and what else one step of a period shows that its wave does not
 beside.py         ... phases that stand beside the code or run away from it, or from each other, by a little
 edges.py          ... and edges of the code, which tell that
 turns.py          ... the period that phases have from edge to edge

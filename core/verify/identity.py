@@ -111,7 +111,7 @@ def _plain(plan: Plan, values: Array) -> Finding:
             if off.mean() > SHARE:
                 wrong.append(i)
     if wrong:
-        names = ", ".join(f"{_place(plan, i)} ({describe(plan.shots[i])})" for i in wrong)
+        names = ", ".join(f"{plan.place(i)} ({describe(plan.shots[i])})" for i in wrong)
         return Finding("identity", "bad", f"not evenly white or black as claimed: {names}", shots=tuple(wrong))
     return Finding("identity", "good", "white and black frames are what they claim")
 
@@ -156,11 +156,11 @@ def _axis(
     if len(culprits) == 1:
         j = culprits[0]
         shown = _shown(plan, sharp, few, left.best[j], j)
-        text = f"{_place(plan, fit.shots[j])} claims {describe(plan.shots[fit.shots[j]])} and shows {shown}"
+        text = f"{plan.place(fit.shots[j])} claims {describe(plan.shots[fit.shots[j]])} and shows {shown}"
     else:
         text = f"frames across {along} contradict each other in {share:.1%} of the pixels"
         if share <= SHARE and place is None:
-            names = ", ".join(f"{_place(plan, fit.shots[j])} ({describe(plan.shots[fit.shots[j]])})" for j in culprits)
+            names = ", ".join(f"{plan.place(fit.shots[j])} ({describe(plan.shots[fit.shots[j]])})" for j in culprits)
             text = f"frames across {along} do not show what they claim: {names}"
         text += f", most of all {place}" if place else ""
     return Finding("identity", "bad", text, figures, tuple(fit.shots[j] for j in culprits))
@@ -258,7 +258,3 @@ def _shown(plan: Plan, fit: Fit, few: NDArray[np.intp], best: NDArray[np.intp], 
     if name == describe(plan.shots[fit.shots[j]]):
         return "it in part only"
     return name if value < 0.1 else "something else"
-
-
-def _place(plan: Plan, shot: int) -> str:
-    return f"frame {shot - plan.own.start}" if shot in plan.own else "a guard frame"

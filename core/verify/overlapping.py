@@ -22,6 +22,11 @@ FRAMES = 4  # that tell it
 SAME = 0.9  # correlation of two frames' light, beyond which one cannot be told from the other
 LEFT, FEW_LEFT = 0.35, 0.18  # of the contradictions that may stay; of all pixels, where there are few
 
+CURE = (
+    "exposed over two patterns, or the projector's picture lags; let the projector trigger the camera, expose for less "
+    "time than a pattern stands, or wait longer after each pattern (settle_ms)"
+)
+
 
 def overlapping(plan: Plan, looked: Looked, share: float, most: float) -> str:
     """Say that every frame of an axis holds light of its neighbour in time; nothing where they do not.
@@ -57,11 +62,7 @@ def overlapping(plan: Plan, looked: Looked, share: float, most: float) -> str:
     if left > max(LEFT * share, FEW_LEFT):
         return ""
     along, which = "columns" if looked.axis == "x" else "rows", "after" if way > 0 else "before"
-    return (
-        f"frames across {along}: every frame holds about {held:.0%} of the light of the one {which} it: exposed over "
-        "two patterns, or the projector's picture lags; let the projector trigger the camera, expose for less time "
-        "than a pattern stands, or wait longer after each pattern (settle_ms)"
-    )
+    return f"frames across {along}: every frame holds about {held:.0%} of the light of the one {which} it: " + CURE
 
 
 def _light(plan: Plan, looked: Looked, possible: Array, shot: int) -> Array | None:

@@ -119,7 +119,7 @@ def _likelier(shifts: NDArray[np.float64], seen: Map) -> tuple[float, int, int]:
 
     It is a trace of the covariance of frames over all pixels, `seen` (frames, n), which exchanges reorder.
     """
-    beside, seen = _beside(shifts), seen - seen.mean(axis=0)
+    beside, seen = beside_waves(shifts), seen - seen.mean(axis=0)
     seen /= np.maximum(np.linalg.norm(seen, axis=0), 1e-9)
     covariance = seen @ seen.T
     misfit = []
@@ -138,7 +138,7 @@ def _waves(shifts: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     return [np.ones_like(shifts), *(turn(h * shifts) for h in orders for turn in (np.cos, np.sin))]
 
 
-def _beside(shifts: NDArray[np.float64], *also: NDArray[np.float64]) -> NDArray[np.float64]:
+def beside_waves(shifts: NDArray[np.float64], *also: NDArray[np.float64]) -> NDArray[np.float64]:
     """What steps show beside a wave, its harmonics and `also` (frames,): orthonormal rows of the frames' values."""
     waves = np.stack([*_waves(shifts), *also])
     return np.asarray(np.linalg.svd(waves)[2][np.linalg.matrix_rank(waves, 1e-6) :])
@@ -149,7 +149,7 @@ def _odd(shifts: NDArray[np.float64], seen: Map) -> int | None:
     covariance = seen @ seen.T
     whole, *without = (
         float(np.sum(beside @ covariance * beside))
-        for beside in (_beside(shifts), *(_beside(shifts, row) for row in np.eye(len(shifts))))
+        for beside in (beside_waves(shifts), *(beside_waves(shifts, row) for row in np.eye(len(shifts))))
     )
     step = int(np.argmin(without))
     if without[step] > ODD_STEP * whole:

@@ -24,6 +24,7 @@ from core.verify.between import halves
 from core.verify.bits import wrong_bits
 from core.verify.contradictions import PIXELS, Looked
 from core.verify.exchanged import coded_axes, exchanged_frames
+from core.verify.misfit import HELD_BY_ALL, misfitting_steps
 from core.verify.mistakes import BEYOND, degrees, explanation, left_unexplained, more_lines, told_otherwise, too_fine
 from core.verify.overlapping import overlapping
 from core.verify.pixels import (
@@ -215,6 +216,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
     good = good[spaced(len(good), PIXELS)]
     values, inverted = sampled.between(good), sampled.between(good, inverted=True)
     found: list[Finding] = []
+    steps = misfitting_steps(plan, sampled)
     axes: tuple[Axis, ...] = ("x", "y")
     for axis in axes:
         shots = tuple(i for i, p in enumerate(plan.shots) if axis_of(p) == axis)
@@ -230,6 +232,9 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
         share, left = left_unexplained(looked, FEW)
         if share > SHARE / 2 or share - left > BEYOND / 2:
             share, left = left_unexplained(looked)
+        if share > most and axis in steps and HELD_BY_ALL in steps[axis].figures:
+            found.append(steps[axis])
+            continue
         along = "columns" if axis == "x" else "rows"
         wider = more_lines(looked, share, left)
         otherwise = bool(wider) and told_otherwise(plan, values, looked, left)
@@ -243,5 +248,7 @@ def _contradictions(plan: Plan, sampled: Sampled, lines: tuple[int, int], most: 
             shown = () if shot is None else (shot,)
             figures = {"contradicting": share}
             found.append(Finding("identity", "bad", text + cause, figures, shown, names=cause.names))
-    steps = plan.shots, sampled.grey, sampled.lit, sampled.full
-    return found or exchanged_steps(*steps) or odd_steps(*steps)
+    if found and all(f.names == "capture" and not f.shots for f in found):  # which names nothing closer
+        found = [f for f in steps.values() if f.level == "bad"] or found
+    seen = plan.shots, sampled.grey, sampled.lit, sampled.full
+    return found or exchanged_steps(*seen) or [*steps.values()] or odd_steps(*seen)

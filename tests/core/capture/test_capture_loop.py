@@ -72,6 +72,15 @@ def test_a_camera_fault_at_any_frame_is_mended(project: Project, fault: str, sho
     assert truly_shows(report.folder)
 
 
+@pytest.mark.parametrize("shot", [5, 7, 14])
+def test_a_step_that_was_exposed_partly_over_the_pattern_before_is_taken_again(project: Project, shot: int) -> None:
+    """It held 30 % of that one's light, and passed."""
+    project = replace(project, sequence=SequenceSpec("gray-sine"))
+    report = run_capture(project, A, FLAT, f"{FLAT}?faults=mixed-frame@{shot}")
+    assert report.retakes > 0
+    assert truly_shows(report.folder)
+
+
 def test_a_camera_that_always_lies_gives_an_error_and_no_frame_is_listed(project: Project) -> None:
     with pytest.raises(DeviceError, match="further tries"):
         run_capture(project, A, FLAT, f"{FLAT}?faults=stale-frame:1")
