@@ -78,7 +78,7 @@ def notes_on(
         return ()
     full = float(limits.saturation) / steps
     contrast = sample.max(axis=0) - sample.min(axis=0)
-    noise = np.sqrt(limits.variance(contrast))
+    noise = np.sqrt(limits.variance(sample.mean(axis=0)))  # of other light than the projector's, too
     lit = contrast > LIT * noise
     if lit.mean() > NOWHERE and missing[lit].mean() <= 1 - PROMISED:
         return ()

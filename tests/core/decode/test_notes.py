@@ -25,6 +25,15 @@ def test_shadow_is_no_fault(bench) -> None:
     assert noted(bench, gain=np.where(np.arange(1000) < 300, 70.0, 0.0)[None, :]) == ""
 
 
+def test_what_the_lamp_of_the_room_lights_alone_is_no_light_of_the_projector(bench) -> None:
+    """Its noise was taken to be that of grey values as low as what its frames differ by."""
+    across = np.arange(1000)[None, :]
+    lit, room = np.where(across < 300, 100.0, 0.0), np.where(across < 350, 71.0, 150.0)
+    b = bench(blur=1.0, gain=lit, ambient=room, dark=-35.0, shot=0.5)  # of a camera whose black is at 70
+    patterns = gray_and_phase("x", 640, cell=8, periods=[16], steps=24)
+    assert not decode(patterns, b.take(patterns), lines=(640, 640)).notes
+
+
 def test_a_projector_that_lights_nothing(bench) -> None:
     assert "lights no pixel" in noted(bench, gain=0.0)
 
