@@ -34,7 +34,7 @@ estimate.py   every pixel adjusted to all its frames, the blur found tile by til
 codes.py      places within the cells of codes that have no phases
 """
 
-from core.decode.absolute import decode
+from core.decode.absolute import decode, refuse_patterns
 from core.decode.options import DecodeOptions, Flag
 
-__all__ = ["DecodeOptions", "Flag", "decode"]
+__all__ = ["DecodeOptions", "Flag", "decode", "refuse_patterns"]

@@ -42,6 +42,7 @@ from core.decode.waves.evenness import level_out
 from core.decode.waves.folded import take_waves_out
 from core.decode.waves.mosaic import take_kinds_out
 from core.decode.waves.ripple import take_ripple_out
+from core.decode.words.book import book_of
 from core.decode.words.likelihood import decode_words, has_words
 from core.errors import InputError
 from core.lazy import dataclass
@@ -135,10 +136,7 @@ def decode(
 
         return decode_words(patterns, arrays, lines, options, where, progress, others)
     progress(0.0, "reading the noise")
-    try:
-        sequence = prepare(tuple(patterns), lines)
-    except InputError as error:
-        raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
+    sequence = _prepared(patterns, lines, where)
     seen = measure(sequence, patterns, arrays, options, where, noise)
     if seen.camera is not None:
         full = float(seen.limits.saturation)
@@ -174,6 +172,22 @@ def decode(
         phase = refine_codes(phase, patterns, arrays, alone, options, where, progress)
     further = (*altered, *(() if lines else note_on_extent(seen.tables)))
     return replace(phase, notes=(*phase.notes, *further)) if further else phase
+
+
+def refuse_patterns(patterns: Sequence[Pattern], lines: tuple[int, int] | None, where: str = "capture") -> None:
+    """Raise the InputError of `decode` for patterns from which no absolute coordinate follows, whatever is seen."""
+    words = [axis for axis in AXES if has_words(patterns, axis)]
+    for axis in words:
+        book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
+    if not words:
+        _prepared(patterns, lines, where)
+
+
+def _prepared(patterns: Sequence[Pattern], lines: tuple[int, int] | None, where: str) -> Prepared:
+    try:
+        return prepare(tuple(patterns), lines)
+    except InputError as error:
+        raise InputError(f"{where}{error.where}", error.seen, error.remedy) from None
 
 
 def _altered(sequence: Prepared, images: Sequence[Image], saturation: float) -> tuple[str, ...]:

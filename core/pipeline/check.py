@@ -20,6 +20,7 @@ from core.errors import StripeError
 from core.fields import kept_object, read_document, text_of
 from core.lazy import dataclass
 from core.model import Capture, Method, Note, PlaneEvaluation, Project, TargetSet, Testfield
+from core.patterns import axis_of
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
@@ -176,12 +177,18 @@ def _captures(folder: Path, progress: Progress) -> Iterator[Finding]:
             if (board := capture.testfield) is not None and id(board) not in boards:
                 boards[id(board)] = board
                 yield from _exchanged(path, board)
-            shapes = {name: (spec.height, spec.width) for name, spec in project.rig.cameras.items()}
-            for frame in capture.frames:
-                check_frame(frame.path, shapes.get(frame.camera))
-            _see_picks(project, capture)
         except StripeError as error:
-            yield Path(error.where.partition(".json: ")[0]), error.seen, error.remedy, None
+            yield _refused(error)
+            continue
+        for see in (_see_frames, _see_picks, _see_patterns):
+            try:
+                see(project, capture)
+            except StripeError as error:
+                yield _refused(error)
+
+
+def _refused(error: StripeError) -> Finding:
+    return Path(error.where.partition(".json: ")[0]), error.seen, error.remedy, None
 
 
 def _ignored(place: Path, notes: Sequence[Note]) -> Iterator[Finding]:
@@ -199,6 +206,13 @@ def _exchanged(place: Path, board: Testfield) -> Iterator[Finding]:
         yield place / "capture.json", seen, remedy, None
 
 
+def _see_frames(project: Project, capture: Capture) -> None:
+    """Refuse files that are no frames of their cameras."""
+    shapes = {name: (spec.height, spec.width) for name, spec in project.rig.cameras.items()}
+    for frame in capture.frames:
+        check_frame(frame.path, shapes.get(frame.camera))
+
+
 def _see_picks(project: Project, capture: Capture) -> None:
     """Refuse picks that no measurement would take."""
     for one in capture.series:
@@ -207,6 +221,17 @@ def _see_picks(project: Project, capture: Capture) -> None:
 
             camera = project.rig.cameras[one.camera]
             predicted_view(one.testfield, camera, one.seeds, str(capture.path / "picks.json"))
+
+
+def _see_patterns(project: Project, capture: Capture) -> None:
+    """Refuse patterns from which no coordinate follows."""
+    from core.decode import refuse_patterns
+
+    for one in capture.series:
+        projector = project.rig.projectors[one.projector]
+        patterns = [frame.pattern for frame in one.frames]
+        if any(axis_of(pattern) for pattern in patterns):  # a picture alone is none to be decoded
+            refuse_patterns(patterns, (projector.width, projector.height), str(capture.path))
 
 
 def _runs(folder: Path, progress: Progress) -> Iterator[Finding]:

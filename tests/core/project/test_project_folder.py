@@ -139,6 +139,16 @@ def test_a_slip_in_a_key_is_told_and_another_programs_key_is_not(folder: Path) -
     assert "captures/tf-01/capture.json: 'angle' is not known and was ignored; is 'angle_deg' meant?" in told
 
 
+def test_check_tells_patterns_from_which_no_coordinate_follows(folder: Path) -> None:
+    """Decoding refused such a capture, and `check` said that everything fits."""
+    path = folder / "captures/tf-01/capture.json"
+    frames = json.loads(path.read_text())["frames"]
+    pattern = {"kind": "phase", "axis": "x", "period": 16, "steps": 4, "step": 0, "shift_rad": 0, "profile": "sine"}
+    edit(path, frames=[{**frame, "pattern": {**pattern, "step": k}} for k, frame in enumerate(frames[:2])])
+    told = [str(item) for item in check_project(folder)]
+    assert any("captures/tf-01, axis x" in text for text in told), told
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
