@@ -43,6 +43,7 @@ from core.decode.waves.folded import take_waves_out
 from core.decode.waves.mosaic import take_kinds_out
 from core.decode.waves.ripple import take_ripple_out
 from core.decode.words.book import book_of
+from core.decode.words.coded import as_coded
 from core.decode.words.likelihood import decode_words, has_words
 from core.errors import InputError
 from core.lazy import dataclass
@@ -128,6 +129,15 @@ def decode(
         fused.widen(phase.sigma_u, "x")
         fused.widen(phase.sigma_v, "y")
         return replace(_in_grey_values(phase, fused.steps), notes=(*fused.notes, *phase.notes))
+    if (coded := as_coded(tuple(patterns), lines)) is not None:
+        shown = coded.patterns
+        phase = decode(
+            shown, arrays, lines=coded.lines, options=options, noise=noise, where=where, progress=progress.part(0, 0.5)
+        )
+        alone = codes_alone(_prepared(shown, coded.lines, where).tables)
+        if alone and not options.estimate:  # words of single lines tell parts of these
+            phase = refine_codes(phase, shown, arrays, alone, options, where, progress.part(0.5, 1))
+        return coded.moved(phase)
     if has_words(patterns, "x") or has_words(patterns, "y"):
 
         def others(some: list[int]) -> PhaseMap:
@@ -176,6 +186,8 @@ def decode(
 
 def refuse_patterns(patterns: Sequence[Pattern], lines: tuple[int, int] | None, where: str = "capture") -> None:
     """Raise the InputError of `decode` for patterns from which no absolute coordinate follows, whatever is seen."""
+    if (coded := as_coded(tuple(patterns), lines)) is not None:
+        patterns, lines = coded.patterns, coded.lines
     words = [axis for axis in AXES if has_words(patterns, axis)]
     for axis in words:
         book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
