@@ -20,6 +20,7 @@ from core.numerics import distinct, inverse_2x2, nearest
 LEFT_OVER = 0.15  # share of dots among the identified ones that may belong to no target (reflections, other boards)
 REACHED = 0.3  # spacings within which a lattice must foretell a pick that it could not grow to
 DIM = 0.35  # contrast of a dot over that of others from which it lies in the same light; growing stops there, too
+BENT = 0.45  # ... and beyond which a dot has a wrong name: at the rim of fields of 100 degrees right ones have 0.36
 ANOTHER = 0.7  # beyond which such a pick is another target: what foretells it may err far from the dots it grew to
 
 
@@ -57,9 +58,10 @@ def identify(
     if left >= 3 and left > LEFT_OVER * among and (pruned or absent > LEFT_OVER * among):
         seen = f"{left} dots lie between the {among} that fit the picks best and belong to no target"
         raise InputError(picks.where, seen, "correct the rows and columns of the picks")
+    most = BENT if len(pruned) < LEFT_OVER * among else REACHED  # a wrong name bends many
     for k in np.flatnonzero(np.isin(picks.target, list(pruned))).tolist():
-        if pruned[int(picks.target[k])] < REACHED:
-            continue  # a dot that is cut or covered, not one with a wrong name
+        if pruned[int(picks.target[k])] < most:
+            continue  # a dot that is cut or covered, or at the rim of a wide field, not one with a wrong name
         seen = (
             f"{picks.name(board, k)} lies {pruned[int(picks.target[k])]:.2f} spacings off what the dots around it say"
         )
@@ -101,11 +103,12 @@ def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Latt
     for k in np.flatnonzero(~met).tolist():
         uv, jacobian, _ = predict(lattice, picks.target[k : k + 1])
         there = np.isfinite(uv).all() and np.isfinite(jacobian).all()  # a lens that turns round tells nothing
-        offset = np.linalg.solve(jacobian[0], lattice.blobs.uv[spots[k]] - uv[0]) if there else np.full(2, np.nan)
-        off = float(np.hypot(*offset)) / float(board.spacing_mm[picks.target[k]])
+        places = np.stack([lattice.blobs.uv[spots[k]], picks.uv[k]], axis=1) - uv.T
+        offsets = np.linalg.solve(jacobian[0], places) if there else np.full((2, 2), np.nan)
+        off, clicked = np.hypot(*offsets) / float(board.spacing_mm[picks.target[k]])
         contrast = lattice.blobs.contrast
         dim = contrast[spots[k]] < DIM * np.median(contrast[lattice.blob[lattice.known]])
-        if off >= ANOTHER or not (off < REACHED or dim):
+        if off >= ANOTHER or not (min(off, clicked) < REACHED or dim):
             name = picks.name(board, k)
             seen = f"{name} lies {off:.1f} target spacings from where the other picks expect it"
             seen = seen if there else f"{name} lies far from where the other picks expect it"
@@ -114,7 +117,7 @@ def _bridged(tried: dict[int, Lattice], picks: Picks, spots: Ints) -> tuple[Latt
         if off < REACHED:
             joined.blob[picks.target[k]] = spots[k]
         else:
-            seen = f"{picks.name(board, k)} is on a dot that no lit dots lead to"
+            seen = f"{picks.name(board, k)} is on a dot that is cut or covered, or that no lit dots lead to"
             notes.append(Note(f"{seen}: not used, the other picks tell", "pick"))
     if agreeing < FEWEST:
         seen = f"only {agreeing} picks are on dots that lead to each other"

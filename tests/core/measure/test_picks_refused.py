@@ -7,6 +7,8 @@ import pytest
 
 from core.errors import Cancelled, InputError
 from core.measure import measure_targets
+from core.measure.identity.blobs import find_blobs
+from core.measure.kinds import dots
 from core.model import Seed, Testfield
 from core.progress import Progress
 from core.project import read_testfield, write_testfield
@@ -37,6 +39,23 @@ def refusal(truth, phase, seeds, **more):
 
 def test_good_picks_are_accepted(truth, phase):
     assert len(measure_targets(phase, truth.field, truth.seeds(CELLS), truth.spec).row) == 63
+
+
+def test_a_pick_on_a_dot_that_is_drawn_out_by_other_light_is_not_used(truth, phase, monkeypatch):
+    """Its centre lies 0.35 spacings off; the pick was refused, though it is where the target is."""
+    seeds = truth.seeds(CELLS)
+    at, inwards = np.array([seeds[0].u, seeds[0].v]), np.array([seeds[2].u - seeds[0].u, seeds[2].v - seeds[0].v])
+
+    def found(*given):
+        blobs = find_blobs(*given)
+        uv = blobs.uv.copy()
+        uv[np.argmin(np.hypot(*(uv - at).T))] += 14.5 * inwards / np.hypot(*inwards)
+        return replace(blobs, uv=uv)
+
+    monkeypatch.setattr(dots, "find_blobs", found)
+    targets = measure_targets(phase, truth.field, seeds, truth.spec)
+    assert len(targets.row) > 50
+    assert (1, 1) not in set(zip(targets.row.tolist(), targets.col.tolist(), strict=True))
 
 
 def test_fewer_than_four(truth, phase):
