@@ -33,6 +33,7 @@ FITS = 0.15  # squared distance, white = 1, of a pixel that some line explains; 
 SHARE = 0.8  # of the pixels that must be explained
 STARTS = 6  # from which the search begins anew where it ended badly
 ALIKE = 0.02  # in how evenly lines run: orders of steps within their cells, which the misfit tells
+BENT = 0.1  # of full light, by which a response is taken out
 BLURS = (1, 3)  # of the look-up's: sharp and soft
 
 
@@ -246,7 +247,12 @@ class _Search:
         keep = np.concatenate([np.arange(b * per, (b + 1) * per, 2) for b in BLURS])
         possible = possible[:, keep]
         bottom, top = possible.min(axis=0), possible.max(axis=0)
-        return _Search(values, (possible - bottom) / np.maximum(top - bottom, 0.1), at_lines[keep], at)
+        possible = (possible - bottom) / np.maximum(top - bottom, 0.1)
+        # what pixels see from dark to bright, against what lines show, tells the response whatever the order
+        seen, shown = (np.sort(each, axis=0).mean(axis=1) for each in (values, possible))
+        if np.abs(seen - shown).max() > BENT:
+            values = np.interp(values, seen + 1e-6 * np.arange(len(seen)), shown).astype(np.float32)
+        return _Search(values, possible, at_lines[keep], at)
 
     def distances(self, order: NDArray[np.intp]) -> Array:
         """Squared distance (n, m) of every pixel from every line."""

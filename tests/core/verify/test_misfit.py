@@ -16,6 +16,7 @@ import pytest
 
 from core.model import Capture, Frame
 from core.patterns import Pattern, Phase, parse_sequence
+from core.verify.recognise import recognise
 from core.verify.stored import check_stored
 
 LINES = (128, 96)
@@ -144,3 +145,14 @@ def test_a_step_of_another_shift_than_described_is_told(by_deg: float) -> None:
 @pytest.mark.parametrize("noise", [0.3, 4.0])
 def test_sound_steps_of_any_response_raise_nothing(sequence: str, gamma: float, tone: float, noise: float) -> None:
     assert not told(sequence, recorded(list(lights(sequence)), gamma, tone, noise))
+
+
+@pytest.mark.parametrize(
+    ("sequence", "gamma"), [("gray-sine:steps=8", 2.2), ("gray-sine", 2.2), ("gray-sine:steps=6", 1.0)]
+)
+def test_an_order_is_found_by_content_whatever_the_response(sequence: str, gamma: float) -> None:
+    """Eight steps at a gamma of 2.2 showed no sequence in any order."""
+    frames = recorded(list(lights(sequence)), gamma)
+    order = np.random.default_rng(4).permutation(len(frames))
+    found = recognise([frames[k] for k in order], patterns(sequence), LINES, "test")
+    assert order[found].tolist() == list(range(len(frames)))
