@@ -51,6 +51,10 @@ SECOND_OF_WORDS = (
     "In {} of the pixels about {} of the light comes by a second way, by gloss or from a facing wall: sigma holds "
     "most of that, but little of light from within a few lines. Dull the surface, or turn it away from what faces it."
 )
+COARSE_WORDS = (
+    "In {} of the pixels the frames differ from their words by about {} of the light, as a pixel sees several lines: "
+    "sigma holds most of that. Let the camera come nearer, or show wider lines."
+)
 ODD_WORDS = (
     "In {} of the pixels the frames differ from their words by about {} of the light, of which sigma holds most: "
     "something moved, light changed or spreads within the surface, frames are not those listed, or were sharpened or "

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from core.decode.chosen import spread, take_sample
 from core.decode.frames import Image
 from core.decode.noise import TINY, Noise
-from core.decode.notes import MUCH, ODD_WORDS, SECOND_OF_WORDS, TELLING, note_on_second_light, notes_on
+from core.decode.notes import COARSE_WORDS, MUCH, ODD_WORDS, SECOND_OF_WORDS, TELLING, note_on_second_light, notes_on
 from core.decode.options import DecodeOptions, Flag
 from core.decode.sample import full_scale, limits_of
 from core.decode.surface.footprint import draw_back
@@ -27,7 +27,7 @@ from core.decode.surface.islands import drop_islands
 from core.decode.tables import WORDS, Singles, make_rows, no_axis
 from core.decode.words.book import BLURS, Book, Found, Shelf, adjust, book_of
 from core.decode.words.shown import Shown, measure_words
-from core.model import PhaseMap
+from core.model import Note, PhaseMap
 from core.parallel import run_in_bands
 from core.patterns import Axis, Pattern, axis_of, use_of
 from core.progress import Progress
@@ -40,6 +40,9 @@ NEIGHBOURS = 7  # px: of those around, the median predicts
 ALIKE = 3.0  # lines by which neighbours' places differ that agree with each other
 NEAR = 1.0  # times the blur, at least a line: so far a place may move while it is adjusted
 SHARP = 0.26  # of its cell: with less blur, the narrowest for one line, a pixel may see one line alone
+BESIDE, NEAR_BLURS = 2.0, 6.0  # lines, and blurs: within which light is of the place itself
+TELLING_FAR = 0.2  # of the pixels
+COARSE = 1.2  # lines that a pixel sees, beyond which its own shape is no blur of theirs
 RIM = 0.5  # lines: so near the field's edge its fading light is taken for a place on it
 
 F = np.float32
@@ -263,9 +266,20 @@ def _second_light(
         some = np.flatnonzero(seen)[:: max(1, np.count_nonzero(seen) // TOLD)]
         words = book.values(blur.ravel()[some], place.ravel()[some])
         shown = offset.ravel()[some, None] * steady[0] + contrast.ravel()[some, None] * steady[1] * words
-        if not _from_elsewhere(_grey(pixels.flat, some) - shown.T.astype(F), book.shelf(pixels.usual)):
+        reach = BESIDE + NEAR_BLURS * BLURS[blur.ravel()[some]]
+        left = _grey(pixels.flat, some) - shown.T.astype(F)
+        if not _from_elsewhere(left, book, pixels.usual, place.ravel()[some], reach):
+            if _lines_per_pixel(np.where(seen, place, F(np.nan))) > COARSE:
+                coarse = note_on_second_light(part[seen], seen[valid], COARSE_WORDS)
+                return tuple(Note(text, "mended") for text in coarse)
             return note_on_second_light(part[seen], seen[valid], ODD_WORDS)
     return notes
+
+
+def _lines_per_pixel(place: Singles) -> float:
+    """How many lines a pixel sees, the median of those that have places (H, W)."""
+    steps = [np.abs(np.diff(place, axis=axis)) for axis in (0, 1)]
+    return max((float(np.median(known)) for step in steps if len(known := step[np.isfinite(step)])), default=0.0)
 
 
 def _beyond(misfit: NDArray[np.floating], known: NDArray[np.bool_]) -> Singles:
@@ -281,13 +295,20 @@ def _beyond(misfit: NDArray[np.floating], known: NDArray[np.bool_]) -> Singles:
     return np.asarray(np.maximum(np.where(known, seen / np.maximum(weight, F(TINY)), misfit), 1), np.float32)
 
 
-def _from_elsewhere(left: Singles, shelf: Shelf) -> bool:
-    """Whether residuals (k, n) are words of other places, rather than anything: as they are in other orders."""
-    draw = np.random.default_rng(0)
-    orders = [np.arange(len(left)), *(draw.permutation(len(left)) for _ in range(ORDERS))]
+def _from_elsewhere(left: Singles, book: Book, blur: int, place: Singles, reach: NDArray[np.floating]) -> bool:
+    """Whether residuals (k, n) are words of other places, rather than anything: as they are in other orders.
+
+    Those of words within `reach` lines (n,) of the own `place` tell of the blur.
+    """
+    draw, shelf = np.random.default_rng(0), book.shelf(blur)
     square = np.maximum(np.sum(left * left, axis=0), TINY)
-    own, *others = (float(np.mean(shelf.find(left[order]).top ** 2 / square)) for order in orders)
-    return own > float(np.mean(others)) + SURELY * float(np.std(others))
+    found = shelf.find(left)
+    far = np.abs(book.places(found.best) - place) > reach
+    others = [shelf.find(left[draw.permutation(len(left))]).top[far] ** 2 / square[far] for _ in range(ORDERS)]
+    if far.sum() < TELLING_FAR * len(far):
+        return False
+    means = [float(np.mean(other)) for other in others]
+    return float(np.mean(found.top[far] ** 2 / square[far])) > float(np.mean(means)) + SURELY * float(np.std(means))
 
 
 def _grey(flat: Sequence[Image], at: Pixels) -> Singles:

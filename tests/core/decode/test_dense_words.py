@@ -12,6 +12,7 @@ import pytest
 from core.decode import Flag, decode
 from core.decode.words.book import BLURS, book_of
 from core.errors import InputError
+from core.model import named_by
 from core.patterns import Black, Code, Level, Lines, Phase, White, brightness, gray_and_phase, parse_sequence
 
 N, PAPER = 320, 640  # lines: words times pixels are the work
@@ -214,6 +215,24 @@ def test_too_few_frames_and_words_that_repeat_are_refused() -> None:
     again = [Lines("x", p.values[:20] * 2) for p in dense(6, 40)]
     with pytest.raises(InputError, match="same at several lines"):
         decode(again, [image] * 6, lines=(40, 4))
+
+
+@pytest.mark.parametrize("lines_a_pixel", [1.9, 2.6])
+def test_a_camera_coarser_than_the_lines_sees_no_second_light(bench, lines_a_pixel: float) -> None:
+    """What its pixels, and no blur, mix was called gloss or a facing wall in half of the image."""
+    patterns = dense(40)
+    wide = round(lines_a_pixel * 500 / N)
+    b = bench(blur=0.3, dark=0.01)
+    fine = [image[:, : 500 // wide * wide].astype(float) for image in b.take(patterns)]
+    rng = np.random.default_rng(2)
+    coarse = [image.reshape(len(image), -1, wide).mean(axis=2) for image in fine]
+    images = [np.rint(image + rng.normal(0, 1, image.shape)).clip(0, 255).astype(np.uint8) for image in coarse]
+    true = b.u[:, : 500 // wide * wide].reshape(len(b.u), -1, wide).mean(axis=2)
+    phase = decode(patterns, images, lines=(N, N))
+    assert all("a pixel sees several lines" in note and named_by(note) == "mended" for note in phase.notes)
+    known = np.isfinite(phase.u)
+    assert known.mean() > 0.9
+    assert np.abs(phase.u - true)[known].max() < 0.1
 
 
 def test_two_lines_of_one_word_are_known_to_a_cell(bench) -> None:
