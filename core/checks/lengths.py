@@ -369,7 +369,7 @@ def bar_notes(scale: ScaleBar | None, board: Testfield) -> tuple[Note, ...]:
     own = _nominal_length(scale, board)
     if scale is None or own is None or abs(scale.length_mm / own - 1) <= FAILED:
         return ()
-    hint = unit_hint(scale.length_mm / own)
+    hint = unit_hint(scale.length_mm / own) or unit_hint(own / scale.length_mm)
     text = f"the scale bar has length_mm {scale.length_mm:g}, the nominal testfield {own:g} mm there{hint}"
     return (Note(text, "value"),)
 

@@ -176,7 +176,7 @@ def _captures(folder: Path, progress: Progress) -> Iterator[Finding]:
             yield from _ignored(path, capture.notes)
             if (board := capture.testfield) is not None and id(board) not in boards:
                 boards[id(board)] = board
-                yield from _exchanged(path, board)
+                yield from _of_board(project, path, board)
         except StripeError as error:
             yield _refused(error)
             continue
@@ -198,12 +198,15 @@ def _ignored(place: Path, notes: Sequence[Note]) -> Iterator[Finding]:
         yield place / where, seen, remedy, None
 
 
-def _exchanged(place: Path, board: Testfield) -> Iterator[Finding]:
-    from core.checks import exchanged_notes
+def _of_board(project: Project, place: Path, board: Testfield) -> Iterator[Finding]:
+    """What a board's file says that its own targets, or the scale bar, contradict."""
+    from core.checks import bar_notes, exchanged_notes
 
     for note in exchanged_notes(board):
         seen, _, remedy = note.partition(": ")
         yield place / "capture.json", seen, remedy, None
+    for note in bar_notes(project.scale, board):
+        yield project.path / "project.json", note, "measure both again, and correct the one that is wrong", None
 
 
 def _see_frames(project: Project, capture: Capture) -> None:

@@ -139,6 +139,15 @@ def test_a_slip_in_a_key_is_told_and_another_programs_key_is_not(folder: Path) -
     assert "captures/tf-01/capture.json: 'angle' is not known and was ignored; is 'angle_deg' meant?" in told
 
 
+def test_check_holds_the_scale_bar_against_the_board(folder: Path) -> None:
+    """A board in cm was told after 46 s of calibrating, and `check` said that everything fits."""
+    scale = json.loads((folder / "project.json").read_text())["scale"]
+    assert not [item for item in check_project(folder) if "scale bar" in item.seen]
+    edit(folder / "project.json", scale={**scale, "length_mm": 10 * scale["length_mm"]})
+    (told,) = [item for item in check_project(folder) if "scale bar" in item.seen]
+    assert "is it in cm" in told.seen
+
+
 def test_check_tells_patterns_from_which_no_coordinate_follows(folder: Path) -> None:
     """Decoding refused such a capture, and `check` said that everything fits."""
     path = folder / "captures/tf-01/capture.json"
