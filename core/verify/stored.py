@@ -145,7 +145,7 @@ def _sample(plan: Plan, images: Sequence[NDArray]) -> Sampled:
     if len(codes) > 2 and not any(level_of(p) == 1 for p in plan.shots):  # blur dims fringes beside them
         bright = np.maximum(bright, np.partition(grey[codes], -2, axis=0)[-2])
     darkest = min(images, key=lambda image: float(image[::8, ::8].mean()))[::4]  # it shows the least of the surface
-    noise = max(found.noise, noise_of_one(darkest.astype(np.float64)))
+    noise = max(found.noise, noise_of_one(darkest.astype(np.float32)))
     return replace(found, white=np.maximum(found.white, bright), noise=noise)
 
 

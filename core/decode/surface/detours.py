@@ -8,6 +8,7 @@ are nearly alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import islice
 from typing import Any
 
@@ -178,6 +179,7 @@ def _places(size: int, pixels: int) -> NDArray[np.intp]:
     return np.asarray((np.arange(TILES * each) + 0.5) * size / (TILES * each), np.intp)
 
 
+@lru_cache(maxsize=4)
 def _scattered(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns of pixels that are looked at for edges, as many in every tile, each anywhere in its own part.
 
