@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.compiling import njit
+from core.measure.centres.kernels import inverted
 from core.model import Array, Ints
-from core.numerics import normal_equations, polynomial
 
 CHOICES = 4  # spots looked at round a prediction
 NEAR_FEW, NEAR = 0.35, 0.20  # how far a dot may lie from its prediction, in target spacings, by 1-2 and 3+ neighbours
@@ -35,13 +35,47 @@ def foretell(
     neighbours suffice. `blob` (n,) numbers the spot of every target, -1 where none; `spots` (s, 2) px; `xyz` (n, 3) and
     `spacing` (n,) are the board's, mm. Places (m, 2) are NaN where the view sees nothing; (m,) neighbours told them.
     """
-    near = neighbours[targets]
-    known = (blob[near] >= 0) & np.isfinite(base[near, 0])
-    x, y = np.moveaxis((xyz[near] - xyz[targets, None])[..., :2] / spacing[targets, None, None], -1, 0)
-    missed = np.where(known[..., None], spots[blob[near]] - base[near], 0.0)
-    N, b = normal_equations(polynomial(x, y, 1), known / (0.3 + x * x + y * y) ** 2, missed)
-    stiff = np.maximum(N[:, :1, :1], 1e-12) * np.diag([1e-9, STIFF, STIFF])
-    return base[targets] + np.linalg.solve(N + stiff, b)[:, 0], np.count_nonzero(known, axis=1)
+    place, support = np.empty((len(targets), 2)), np.empty(len(targets), np.int64)
+    _carry_on(targets, neighbours, blob, spots, base, xyz, spacing, place, support)
+    return place, support
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _carry_on(
+    targets: Ints,
+    neighbours: Ints,
+    blob: Ints,
+    spots: Array,
+    base: Array,
+    xyz: Array,
+    spacing: Array,
+    place: Array,
+    support: Ints,
+) -> None:  # pragma: no cover  compiled
+    N, b, term = np.empty((3, 3)), np.empty((3, 2)), np.ones(3)
+    for m in range(len(targets)):
+        t, known = targets[m], 0
+        N[:], b[:] = 0.0, 0.0
+        for i in range(neighbours.shape[1]):
+            n = neighbours[t, i]
+            if blob[n] < 0 or not np.isfinite(base[n, 0]):
+                continue
+            known += 1
+            term[1], term[2] = (xyz[n, 0] - xyz[t, 0]) / spacing[t], (xyz[n, 1] - xyz[t, 1]) / spacing[t]
+            weight = 1 / (0.3 + term[1] * term[1] + term[2] * term[2]) ** 2
+            for j in range(3):
+                for k in range(3):
+                    N[j, k] += weight * term[j] * term[k]
+                for k in range(2):
+                    b[j, k] += weight * term[j] * (spots[blob[n], k] - base[n, k])
+        usual = max(N[0, 0], 1e-12)
+        N[0, 0] += 1e-9 * usual
+        N[1, 1] += STIFF * usual
+        N[2, 2] += STIFF * usual
+        inverted(N)
+        support[m] = known
+        for k in range(2):
+            place[m, k] = base[t, k] + N[0, 0] * b[0, k] + N[0, 1] * b[1, k] + N[0, 2] * b[2, k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
