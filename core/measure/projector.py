@@ -149,9 +149,13 @@ def _fit_surfaces(
             for i in range(n):
                 quadrants[2 * (A[i, 1] > 0) + (A[i, 2] > 0)] += 1
                 for j in range(terms):
-                    b[j] += A[i, j] * weight[i] * y[i]
-                    for m in range(terms):
-                        N[j, m] += A[i, j] * weight[i] * A[i, m]
+                    weighted = A[i, j] * weight[i]
+                    b[j] += weighted * y[i]
+                    for m in range(j + 1):
+                        N[j, m] += weighted * A[i, m]
+            for j in range(terms):
+                for m in range(j):
+                    N[m, j] = N[j, m]
             # never a value that only one side vouches for
             if quadrants.min() < FEWEST or not inverted(N):
                 found[k, :2] = np.nan

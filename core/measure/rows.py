@@ -40,23 +40,25 @@ def row_shifts(
     uv, half, window = uv[whole], half[whole], window[whole, None, None]
     u, v = _box(uv[:, 0], half[:, 0]), _box(uv[:, 1], half[:, 1])
     du, dv = (u - uv[:, :1])[:, None, :], (v - uv[:, 1:])[:, :, None]
-    at = np.minimum(v, image.shape[0] - 1)[:, :, None], np.minimum(u, image.shape[1] - 1)[:, None, :]
+    row = np.minimum(v, image.shape[0] - 1)
+    at = row[:, :, None] * image.shape[1] + np.minimum(u, image.shape[1] - 1)[:, None, :]  # by one number: much quicker
     to_disc = np.linalg.inv(ellipse[whole])[..., None, None]
     disc = to_disc[:, :, 0] * du[:, None] + to_disc[:, :, 1] * dv[:, None]
-    radius = np.hypot(disc[:, 0], disc[:, 1])
+    square = disc[:, 0] ** 2 + disc[:, 1] ** 2
     ground, slope_u, slope_v = plane[whole].T[..., None, None]
     # no grey value is cut off: what a threshold leaves of a row moves less than the row
-    light = np.where(radius <= window, image[at] - ground - slope_u * du - slope_v * dv, 0.0)
-    curved = partial(_curved, at[0][..., 0], dv[..., 0], half[:, 1])
+    light = np.where(square <= window**2, image.take(at) - ground - slope_u * du - slope_v * dv, 0.0)
+    curved = partial(_curved, row, dv[..., 0], half[:, 1])
     width, middle = light.sum(axis=2), np.einsum("mvu,mu->mv", light, du[:, 0])
     of_image = curved(width, middle, np.ones(len(uv)))
     shifts[0, 0] = of_image.variance()
     if not shifts[0, 0]:  # nor are the frames of the patterns shifted
         return shifts
     for axis, values, sigma in ((1, phase.u, phase.sigma_u), (2, phase.v, phase.sigma_v)):
-        read = values[at].astype(np.float64)
-        decoded = np.isfinite(read) & (radius <= np.minimum(window, INTERIOR))
-        w, read = np.where(decoded, sigma[at], np.inf).astype(np.float64) ** -2, np.where(decoded, read, 0.0)
+        read = values.take(at).astype(np.float64)
+        decoded = np.isfinite(read) & (square <= np.minimum(window, INTERIOR) ** 2)
+        read = np.where(decoded, read, 0.0)
+        w = 1 / np.where(decoded, sigma.take(at), np.inf).astype(np.float64) ** 2  # ** -2 takes ten times as long
         width = w.sum(axis=2)
         with np.errstate(invalid="ignore", divide="ignore"):
             place, mean = ((w * x).sum(axis=2) / width for x in (du, read))

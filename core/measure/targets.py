@@ -124,7 +124,8 @@ def _checked(image: Floats, camera: DeviceSpec, where: str) -> Floats:
 def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec | None) -> TargetSet:
     """Read the projector coordinates, leave out what the light's edge cuts, and say what each missing target lacks."""
     board, target, missing = sight.board, marks.target, dict(marks.missing)
-    lines, sigma = _projector(sight, marks)
+    drawn = widening(marks.uv, marks.blur**2)
+    lines, sigma = _projector(sight, marks, drawn)
     gradient = line_gradients(marks.uv + marks.shift, lines)
     lines -= np.einsum("nij,nj->ni", np.nan_to_num(gradient), marks.shift + _drawn_by_light(marks))
     keep = np.ones(len(target), bool)
@@ -152,7 +153,7 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
     shifts = np.zeros((3, 3)) if marks.row_shifts is None else marks.row_shifts
     by_row = np.diagonal(found.row_share)[:, None]
     cov[:, :1, 0] += by_row * shifts[0, 0]
-    read = cov + READ_DOUBT**2 * np.einsum("ni,nj->nij", *2 * [widening(marks.uv, marks.blur**2)[keep]])
+    read = cov + READ_DOUBT**2 * np.einsum("ni,nj->nij", *2 * [drawn[keep]])
     shared = np.einsum("nij,njk,nik->ni", gradient[keep], read, gradient[keep])
     by_row = by_row * gradient[keep, :, 0] ** 2
     own = np.maximum(found.projector_sigma**2, np.nan_to_num(by_row * np.diagonal(shifts)[1:]))  # of few: no gradient
@@ -174,15 +175,17 @@ def _drawn_by_light(marks: Marks) -> Array:
     return (share * np.maximum(marks.blur**2 - READ_BETWEEN, 0) / WIDE)[:, None] * marks.light
 
 
-def _projector(sight: Sight, marks: Marks) -> tuple[Array, Array]:
+def _projector(sight: Sight, marks: Marks, drawn: Array) -> tuple[Array, Array]:
     """Projector coordinates (n, 2) and sigmas at the targets' centres as measured, round which their pixels lie.
+
+    `drawn`, (n, 2), is how blur that varies draws them, as `widening` gives it.
 
     Where a pixel at the centre is not decoded, or wrong, the rest of the dot tells; where the dot is not, or is printed
     dark, the board round it, which lies in the same surface.
     """
     phase, (ellipse, window) = sight.phase, (marks.ellipse, marks.window)
     # what is seen there is round the target's centre
-    centre = marks.uv + marks.shift - LIGHT * widening(marks.uv, marks.blur**2)
+    centre = marks.uv + marks.shift - LIGHT * drawn
     ground, dark = np.minimum(window, marks.code - BESIDE_CODE), sight.testfield.polarity == "black-on-white"
     coordinate, sigma = np.full((len(centre), 2), np.nan), np.full((len(centre), 2), np.nan)
     for axis, (values, spread) in enumerate(((phase.u, phase.sigma_u), (phase.v, phase.sigma_v))):
