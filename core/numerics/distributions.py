@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _TINY = 1e-300
-_MOST_TERMS = 100_000
+_MOST_TERMS, _MOST_STEPS = 100_000, 200
 
 _erf = np.frompyfunc(math.erf, 1, 1)
 
@@ -31,9 +31,9 @@ def normal_limit(level: float) -> float:
     >>> round(normal_limit(0.025), 3)
     1.96
     """
-    from statistics import NormalDist  # brings decimals and fractions along
-
-    return -NormalDist().inv_cdf(level)
+    if level > 0.5:
+        return -normal_limit(1 - level)
+    return _where(lambda x: math.erfc(x / math.sqrt(2)) / 2, level, 1.0)
 
 
 def chi_square_limit(redundancy: float, level: float) -> float:
@@ -44,7 +44,7 @@ def chi_square_limit(redundancy: float, level: float) -> float:
     >>> round(chi_square_limit(10, 0.05), 3)
     18.307
     """
-    return 2 * _where(lambda x: _gamma_above(redundancy / 2, x), level)
+    return 2 * _where(lambda x: _gamma_above(redundancy / 2, x), level, redundancy / 2)
 
 
 def fisher_limit(first: float, second: float, level: float) -> float:
@@ -55,7 +55,7 @@ def fisher_limit(first: float, second: float, level: float) -> float:
     >>> round(fisher_limit(5, 10, 0.05), 3)
     3.326
     """
-    return _where(lambda f: fisher_above(first, second, f), level)
+    return _where(lambda f: fisher_above(first, second, f), level, 1.0)
 
 
 def fisher_above(first: float, second: float, value: float) -> float:
@@ -69,17 +69,29 @@ def fisher_above(first: float, second: float, value: float) -> float:
     return _beta_below(second / 2, first / 2, second / (second + first * value))
 
 
-def _where(above: Callable[[float], float], level: float) -> float:
-    """Where a function that falls from 1 to 0 over the positive numbers equals `level`."""
-    low, high = 0.0, 1.0
-    while above(high) > level:
-        low, high = high, 2 * high
-    while high - low > 1e-13 * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if above(middle) > level else (low, middle)
-        if middle in (low, high) and high - low <= math.ulp(high):
+def _where(above: Callable[[float], float], level: float, near: float) -> float:
+    """Where a function that falls to 0 over the positive numbers equals `level`, by Ridders' method from `near` on.
+
+    Ridders, *A new algorithm for computing a single root*, IEEE Trans. Circuits Syst. 26 (1979).
+    """
+    low, high, found = 0.0, near, math.inf
+    at_low, at_high = above(low) - level, above(high) - level
+    while at_high > 0:
+        low, at_low, high = high, at_high, 2 * high
+        at_high = above(high) - level
+    for _ in range(_MOST_STEPS):
+        middle, before = (low + high) / 2, found
+        at_middle = above(middle) - level
+        found = middle + (middle - low) * at_middle / (math.sqrt(at_middle**2 - at_low * at_high) or _TINY)
+        at_found = above(found) - level
+        if at_found == 0 or abs(found - before) <= 1e-13 * found:
             break
-    return (low + high) / 2
+        for x, value in ((middle, at_middle), (found, at_found)):
+            if value > 0 and x > low:
+                low, at_low = x, value
+            elif value <= 0 and x < high:
+                high, at_high = x, value
+    return found
 
 
 def _gamma_above(a: float, x: float) -> float:

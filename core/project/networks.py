@@ -113,8 +113,9 @@ def _check_held_apart(
 ) -> None:
     """Refuse points held at one place that an image shows at several; `held_mm` (n, 3) is NaN where free."""
     first: dict[tuple[int, bytes], tuple[int, float, float, float]] = {}
-    for (s, p), (u, v, sigma) in seen.items():
-        if not np.isfinite(held_mm[p]).all():
+    held = set(np.flatnonzero(np.isfinite(held_mm).all(axis=1)).tolist())
+    for (s, p), (u, v, sigma) in seen.items() if held else ():
+        if p not in held:
             continue
         other, u0, v0, sigma0 = first.setdefault((s, held_mm[p].tobytes()), (p, u, v, sigma))
         if (apart := float(np.hypot(u - u0, v - v0))) > APART * float(np.hypot(sigma, sigma0)):
