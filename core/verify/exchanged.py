@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from core.compiling import njit
 from core.model.finding import Finding
 from core.numerics import median_of
 from core.patterns import Axis, Code, Pattern, Phase
@@ -81,9 +82,9 @@ def _both_ways(values: Map, cell: int) -> list[tuple[Map, Map]]:
     return [(some, np.floor((some + 0.5) / cell)) for some in ways]  # a tenth of the time of some // cell
 
 
-def _usual(steps: Map) -> float:
-    """The median of some steps' sizes; 0 without any."""
-    some = np.abs(steps[:, ::THIN])
+def _usual(image: Map, apart: int) -> float:
+    """The median size of some steps between pixels that are so far apart in a row; 0 without any."""
+    some = np.abs(image[:, apart::THIN] - image[:, :-apart:THIN])
     some = some[np.isfinite(some)]
     return median_of(some) if len(some) else 0.0
 
@@ -93,7 +94,7 @@ def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> tuple[int, int]:
     jumps = np.zeros(0, np.int64)
     for image, those in ways:
         away = image[:, APART:] - image[:, :-APART]
-        far = np.abs(away) > cell + 4 * _usual(away)  # which NaN is not
+        far = np.abs(away) > cell + 4 * _usual(image, APART)  # which NaN is not
         first, second = (np.maximum(each[far], 0).astype(np.int64) for each in (those[:, :-APART], those[:, APART:]))
         word = (first ^ first >> 1) ^ (second ^ second >> 1)
         jumps = np.append(jumps, first[word & (word - 1) == 0])
@@ -110,25 +111,27 @@ def _odd_cells(ways: Sequence[tuple[Map, Map]], cell: int) -> tuple[int, int]:
 
 def _backwards(ways: Sequence[tuple[Map, Map]], cell: int) -> float:
     """Share of neighbours in a cell between which the coordinate falls where it rises over some cells, or reverse."""
-    seen = []
+    against, count = 0, 0
     for image, those in ways:
-        step = np.diff(image)
-        usual = _usual(step)
+        usual = _usual(image, 1)
         if usual > 0 and image.shape[1] >= 3 * LEAST_REACH:
             reach = int(np.clip(round(STEADY[1] * cell / usual), LEAST_REACH, image.shape[1] // 3))
-            rise = image[:, reach:] - image[:, :-reach]
-            seen.append((step[:, : rise.shape[1]], rise, those[:, :-reach] == those[:, 1 : 1 - reach]))
+            some = _steps(image, those, reach, STEADY[0] * cell, STEADY[2] * cell, SURE_LINES)
+            against, count = against + some[0], count + some[1]
+    return against / count if against > BACKWARDS * PAIRS and count >= PAIRS else 0.0
 
-    def told(step: Map, rise: Map, inside: NDArray[np.bool_]) -> int:
-        size = np.abs(rise)
-        use = inside & (size > STEADY[0] * cell) & (size < STEADY[2] * cell) & (np.abs(step) > SURE_LINES)
-        return int(np.count_nonzero(use))
 
-    against = 0
-    for step, rise, inside in seen:
-        falls = step * rise < 0
-        against += told(step[falls], rise[falls], inside[falls])
-    if against <= BACKWARDS * PAIRS:
-        return 0.0  # as of sound captures, without a look at all pixels
-    count = sum(told(*each) for each in seen)
-    return against / count if count >= PAIRS else 0.0
+@njit(cache=True, nogil=True, error_model="numpy")
+def _steps(
+    image: Map, those: Map, reach: int, least: float, most: float, sure: float
+) -> tuple[int, int]:  # pragma: no cover  compiled
+    """Steps in a cell that are `sure` where the coordinate rises by `least` to `most` within `reach` pixels: those
+    against that, and all."""
+    against, count = 0, 0
+    for row in range(image.shape[0]):
+        for at in range(image.shape[1] - reach):
+            step, rise = image[row, at + 1] - image[row, at], image[row, at + reach] - image[row, at]
+            if least < abs(rise) < most and abs(step) > sure and those[row, at] == those[row, at + 1]:
+                against += step * rise < 0
+                count += 1
+    return against, count

@@ -87,7 +87,7 @@ def nearest_within(values: Array, possible: Array, enough: float | Array) -> tup
     among = (beside[:, None] + m * np.arange(len(BLURS_LINES))[:, None]).reshape(len(line), -1)
     distance = np.zeros(among.shape, np.float32)
     for own, light in zip(values, possible, strict=True):
-        distance += (light[among] - own[:, None]) ** 2
+        distance += (light.take(among) - own[:, None]) ** 2
     at = np.arange(len(line)), np.argmin(distance, axis=1)
     cost, best = distance[at], among[at]
     if (far := cost > enough).any():
