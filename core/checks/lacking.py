@@ -68,11 +68,8 @@ def lacking(adjustment: Adjustment, name: str, device: AdjustedDevice, terms: Te
     redundancy = int(count) - POSE * len(stations) - 3 * len(points) - k
     if redundancy < FEWEST or len(points) > MOST:
         return None
-    normal, images = _equations(adjustment, device, free, stations, points, terms, shown)
-    size = 3 * len(points)
-    normal[:size, :size].flat[:: size + 1] += RIDGE * np.trace(normal[:size, :size]) / size
-    left = normal[size:, size:] - normal[size:, :size] @ np.linalg.solve(normal[:size, :size], normal[:size, size:])
-    unit = np.sqrt(np.maximum(np.diag(normal)[size:], TINY))
+    equations, images = _equations(adjustment, device, free, stations, points, terms, shown)
+    left, unit = _of_others(*equations)
     left /= np.outer(unit, unit)
     made_up = np.linalg.lstsq(left[:k, :k], left[:k, k:], rcond=1e-12)[0]
     rest = left[k:, k:] - left[k:, :k] @ made_up
@@ -88,8 +85,8 @@ def _equations(
     points: Ints,
     terms: Terms,
     shown: int,
-) -> tuple[Array, Array]:
-    """Normal equations of a device's images without their poses: of points, parameters, terms and residuals.
+) -> tuple[tuple[Array, Array, Array, Array], Array]:
+    """Equations of a device's images, as `_of_others` takes them, of parameters, terms and residuals.
 
     `stations` are the observations of each. Also how the images (m, 2, k + n) change with parameters and terms shown.
     """
@@ -122,11 +119,27 @@ def _equations(
         of_pose[:, :size].reshape(POSE, -1, 3)[:, at] = np.einsum("nic,nia->cna", Q.reshape(by_pose.shape), by_point)
         of_pose[:, size:] = Q.T @ flat
         of_poses.append(of_pose)
-    eliminated = np.concatenate(of_poses)
-    normal = -eliminated.T @ eliminated
-    row = np.arange(size).reshape(-1, 3)
-    normal[row[:, :, None], row[:, None]] += of_points
-    normal[:size, size:] += mixed.reshape(size, -1)
-    normal[size:, :size] += mixed.reshape(size, -1).T
-    normal[size:, size:] += of_others
-    return normal, np.concatenate(images)
+    return (of_points, mixed, of_others, np.concatenate(of_poses)), np.concatenate(images)
+
+
+def _of_others(of_points: Array, mixed: Array, of_others: Array, of_poses: Array) -> tuple[Array, Array]:
+    """Normal equations (w, w) of all but points and poses, without these; lengths (w,) of columns without poses.
+
+    Normal equations of points (n, 3, 3), of points and others (n, 3, w), and of others (w, w); and what orthonormal
+    poses have of points and others, (p, 3 n + w). Whichever are fewer are eliminated as a whole, after the rest.
+    """
+    size, count = 3 * len(of_points), len(of_poses)
+    by_points, by_others = of_poses[:, :size], of_poses[:, size:]
+    unit = np.sqrt(np.maximum(np.diagonal(of_others) - np.sum(by_others**2, axis=0), TINY))
+    of_points = of_points + RIDGE * (np.einsum("nii->", of_points) - np.sum(by_points**2)) / size * np.eye(3)
+    if count < size:
+        both = np.concatenate([by_points.T.reshape(-1, 3, count), mixed], axis=2)
+        taken = both.reshape(size, -1).T @ np.linalg.solve(of_points, both).reshape(size, -1)
+        normal, right = np.eye(count) - taken[:count, :count], by_others - taken[:count, count:]
+        of_others = of_others - taken[count:, count:]
+    else:
+        normal, right = -by_points.T @ by_points, mixed.reshape(size, -1) - by_points.T @ by_others
+        row = np.arange(size).reshape(-1, 3)
+        normal[row[:, :, None], row[:, None]] += of_points
+        of_others = of_others - by_others.T @ by_others
+    return np.asarray(of_others - right.T @ np.linalg.solve(normal, right)), unit
