@@ -39,6 +39,11 @@ class Solution:
         """vᵀPv."""
         return self.convergence[-1]
 
+    def quickest(self, problem: Problem) -> Problem:
+        """The same problem in the order of the elimination that the iterations took."""
+        fewest = by_fewest(problem)
+        return fewest if isinstance(self.reduced, WithoutPoints) == fewest.by_points else problem
+
     def invert(self, problem: Problem) -> Inverse:
         """Cofactors of all unknowns in the problem's own elimination, whichever the iterations took."""
         own = self.reduced if isinstance(self.reduced, WithoutPoints) == problem.by_points else None

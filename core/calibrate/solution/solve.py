@@ -22,7 +22,7 @@ from core.calibrate.solution.covariance import (
     redundancy_numbers,
 )
 from core.calibrate.solution.equations import Equations, linearise, misclosures
-from core.calibrate.solution.iterate import NotConvergedError, iterate
+from core.calibrate.solution.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.solution.normals import Inverse, SingularNormalsError
 from core.calibrate.solution.problem import Problem, weighted_problem
 from core.calibrate.solution.state import State, interior_of, station_orientations
@@ -99,30 +99,25 @@ def solve(network: Network, problem: Problem, state: State, options: AdjustOptio
     refuse_unredundant(problem)
     factors = dict.fromkeys(problem.device_names, 1.0)
     convergence: tuple[float, ...] = ()
-    weighted = problem
     for round_ in range(FACTOR_ROUNDS if options.variance_components else 1):
+        weighted, used = weighted_problem(network, factors) if round_ else problem, dict(factors)
         try:
             solution = iterate(
                 weighted, state, max_iterations=options.max_iterations, tolerance=options.tolerance, progress=progress
             )
-            state = solution.state
-            inverse = solution.invert(weighted)
         except SingularNormalsError as error:
             raise singular_error(network, weighted, state, error) from None
         except NotConvergedError as error:
             why = unsolved_error(network, weighted, error)
             raise settled(why, error.convergence[-1] / weighted.redundancy) from None
-        convergence = convergence or solution.convergence
-        # derivatives where the inverse has them, before the last, tiny step
-        J = linearise(weighted, solution.reduced.state).J
-        equations = Equations(misclosures(weighted, state), J, solution.cost)
-        numbers = redundancy_numbers(weighted, equations, inverse)
-        solved = Solved(network, weighted, state, equations, inverse, numbers, convergence, dict(factors))
+        state, convergence = solution.state, convergence or solution.convergence
         if not options.variance_components:
             break
+        quickest = solution.quickest(weighted)  # as good for sums of redundancy numbers
+        equations, _, numbers = _known(quickest, solution)
         steady = True
         for d, name in enumerate(problem.device_names):
-            own = problem.device == d
+            own = quickest.device == d
             if not own.any():
                 continue
             before = factors[name]
@@ -130,13 +125,25 @@ def solve(network: Network, problem: Problem, state: State, options: AdjustOptio
             steady &= abs(factors[name] / before - 1) < FACTOR_TOLERANCE
         if steady:
             break
-        weighted = weighted_problem(network, factors)
         progress(min(round_ / 5, 1.0), "variance components")
+    try:
+        solved = Solved(network, weighted, state, *_known(weighted, solution), convergence, used)
+    except SingularNormalsError as error:
+        raise singular_error(network, weighted, state, error) from None
     try:
         weaknesses = check_estimable(network, solved.problem, solved.state, solved.equations, solved.inverse)
     except UndeterminedError as error:
         raise settled(error, max(factors.values()) * solved.variance) from None
     return replace(solved, weaknesses=tuple(weaknesses))
+
+
+def _known(problem: Problem, solution: Solution) -> tuple[Equations, Inverse, Array]:
+    """Equations, inverse and redundancy numbers of a solution, in the problem's own order."""
+    inverse = solution.invert(problem)
+    # derivatives where the inverse has them, before the last, tiny step
+    J = linearise(problem, solution.reduced.state).J
+    equations = Equations(misclosures(problem, solution.state), J, solution.cost)
+    return equations, inverse, redundancy_numbers(problem, equations, inverse)
 
 
 def settled(error: AdjustmentError, variance: float) -> AdjustmentError:
