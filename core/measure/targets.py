@@ -151,7 +151,7 @@ def _target_set(sight: Sight, marks: Marks, capture: str, projector: DeviceSpec 
     )
     cov = found.camera_cov.copy()
     shifts = np.zeros((3, 3)) if marks.row_shifts is None else marks.row_shifts
-    by_row = np.diagonal(found.row_share)[:, None]
+    by_row = found.row_variance[:, None]
     cov[:, :1, 0] += by_row * shifts[0, 0]
     read = cov + READ_DOUBT**2 * np.einsum("ni,nj->nij", *2 * [drawn[keep]])
     shared = np.einsum("nij,njk,nik->ni", gradient[keep], read, gradient[keep])

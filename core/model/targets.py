@@ -117,13 +117,27 @@ class TargetSet:
     @property
     def row_share(self) -> Array:
         """Variance and covariance (n, n) of the targets' places along u if each row were shifted by a variance of 1."""
-        if self.row_shifts is None or not self.row_shifts.any() or self.height_px is None or not len(self.row):
+        if (chords := self._chords) is None:
             return np.zeros((len(self.row), len(self.row)))
+        rows, share = chords
+        in_rows = np.zeros((len(rows), int(rows.max()) + 1))
+        np.put_along_axis(in_rows, rows, share, axis=1)
+        return np.asarray(in_rows @ in_rows.T)
+
+    @property
+    def row_variance(self) -> Array:
+        """The diagonal (n,) of `row_share`."""
+        return np.zeros(len(self.row)) if (chords := self._chords) is None else np.sum(chords[1] ** 2, axis=1)
+
+    @property
+    def _chords(self) -> tuple[Ints, Array] | None:
+        """Rows (n, k) that targets reach over, and which share of each lies in them; None where no row is shifted."""
+        if self.row_shifts is None or not self.row_shifts.any() or self.height_px is None or not len(self.row):
+            return None
         v, half = (self.camera_uv + self.eccentricity_px)[:, 1:], np.maximum(self.height_px[:, None] / 2, 1.0)
-        rows = np.arange(np.floor((v - half).min()), (v + half).max() + 1)
+        rows = np.floor(v - half) + np.arange(int(2 * half.max()) + 3)
         share = np.sqrt(np.maximum(1 - ((rows - v) / half) ** 2, 0.0))  # a disc's chords
-        share /= share.sum(axis=1, keepdims=True)
-        return np.asarray(share @ share.T)
+        return (rows - rows.min()).astype(np.int64), share / share.sum(axis=1, keepdims=True)
 
     @property
     def by_row(self) -> Array:
@@ -145,7 +159,7 @@ class TargetSet:
         whole[:, 2:, 2:] = J @ whole[:, :2, 2:]
         if self.row_shifts is not None:
             as_read = self.row_shifts * (np.add.outer(range(3), range(3)) > 0)  # the image's is in `camera_cov`
-            own = np.diagonal(self.row_share)[:, None, None]
+            own = self.row_variance[:, None, None]
             whole += own * (self.by_row @ as_read @ np.swapaxes(self.by_row, 1, 2))
         whole[:, [2, 3], [2, 3]] = self.projector_sigma**2
         return whole

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         share_of, moved_of, of_each = np.zeros((n, n)), np.zeros((3, n, by_row.shape[2])), np.zeros((n, 3, 3))
         share_of[np.ix_(points, points)], moved_of[:, points] = share, moved_points.transpose(2, 0, 1)
         of_each[points] = np.swapaxes(by_point, 1, 2) @ cov @ by_point
-        for i, j in product(range(3), repeat=2):
+        for i, j in combinations_with_replacement(range(3), 2):
             part = moved_of[i] @ moved_of[j].T
             part *= share_of
             part.flat[:: n + 1] += of_each[:, i, j]
@@ -73,6 +73,8 @@ def with_shared_errors(solved: Solved, targets: Sequence[TargetSet]) -> Solved:
         for half in (slice(c), slice(c, 2 * c)):  # of one device; none stands twice in it
             found[np.ix_(all_of[half], each)] += between[half]
             found[np.ix_(each, all_of[half])] += between[half].T
+    for i, j in ((1, 0), (2, 0), (2, 1)):
+        of_points[i, j] = of_points[j, i].T
     found[point_at : point_at + 3 * n, point_at : point_at + 3 * n] = of_points.transpose(2, 0, 3, 1).reshape(3 * n, -1)
     found = found[:-1, :-1]
     Q = np.concatenate([inverse.Q, -C @ inverse.Q])
