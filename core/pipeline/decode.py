@@ -137,7 +137,7 @@ def from_phase_maps(
     if len(waiting) < MANY or not can_fork(len(waiting)):
         yield from ((capture, what(capture, phase)) for capture, phase in phase_maps(project, waiting, progress))
         return
-    for name in ("core.decode.absolute", "core.verify.stored", *modules):
+    for name in ("core.decode.absolute", "core.verify.stored", "numpy.fft", "numpy.ma", *modules):
         import_module(name)  # once, not by every process
 
     def work(k: int, said: Progress) -> T:

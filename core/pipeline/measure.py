@@ -82,6 +82,7 @@ def measured_targets(project: Project, captures: Sequence[Capture], progress: Pr
 
 def look_at_boards(project: Project, captures: Sequence[Capture]) -> Look:
     """Say what is to be decoded for that, and how targets come of it."""
+    import core.checks  # noqa: F401  once, not by every process that measures
     from core.measure import SAME, labellings
 
     sides = sides_of(captures)
