@@ -33,12 +33,13 @@ def line_gradients(camera_uv: Array, projector_uv: Array) -> Array:
     array([[0.5, 0.1],
            [0. , 2. ]])
     """
-    gradient = np.full((len(camera_uv), 2, 2), np.nan)
+    gradient, before = np.full((len(camera_uv), 2, 2), np.nan), np.zeros(0, np.intp)
     for axis, lines in enumerate(projector_uv.T):
         known = np.flatnonzero(np.isfinite(lines))
         if len(known) < LEAST_NEIGHBOURS:
             continue
-        near = known[nearest(camera_uv[known], min(NEIGHBOURS, len(known)), of=camera_uv)]
+        if not np.array_equal(known, before):  # mostly both axes are known of the same targets
+            near, before = known[nearest(camera_uv[known], min(NEIGHBOURS, len(known)), of=camera_uv)], known
         offset = camera_uv[near] - camera_uv[:, None]
         A = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
         weight = np.ones(near.shape)
