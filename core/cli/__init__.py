@@ -26,6 +26,9 @@ from core.progress import Progress
 from core.starting import ENDING, end_at_once
 
 GROUPS = (experiment, beginning, recording, road, results, state, watching, exchange)
+# of glibc's mallopt: bytes at the end of the heap that are given back, that are asked for at once, and of an array from
+# which it is no part of the heap
+_HEAP = {-1: 128 << 20, -2: 8 << 20, -3: 32 << 20}
 _ended = 0  # by which signal
 
 
@@ -148,8 +151,19 @@ def _guarded(options: Options) -> AbstractContextManager[None]:
     return guarding(out, beside=getattr(options, "beside", False))
 
 
+def _keep_freed() -> None:
+    """Have the C library keep what arrays leave for the next ones: the kernel clears every page that it gives anew."""
+    if sys.platform == "linux":
+        from ctypes import CDLL
+
+        with suppress(AttributeError):  # another library than glibc
+            for what, size in _HEAP.items():
+                CDLL(None).mallopt(what, size)
+
+
 def _worked(options: Options, progress: Progress) -> tuple[dict[str, Any] | None, UnfinishedError | None]:
     """Run a command: its figures, and its failure where it has both."""
+    _keep_freed()
     try:
         return options.run(options, progress), None
     except UnfinishedError as failure:

@@ -7,12 +7,13 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from core.cli import main, parser
+from core.cli import _HEAP, _keep_freed, main, parser
 from core.project.made import note_made, read_made
 from tests.copies import copied
 
@@ -277,3 +278,12 @@ def test_names_of_captures_may_follow_options(calibrated: Path, tmp_path: Path) 
     out = tmp_path / "points"
     assert main(["batch", str(calibrated), "--do", "reconstruct", "--out", str(out), "plane+00", "plane+15"]) == 0
     assert {path.name for path in out.iterdir() if path.is_dir()} == {"plane+00", "plane+15"}
+
+
+def test_memory_is_kept_where_the_c_library_can(monkeypatch) -> None:
+    told: list[tuple[int, int]] = []
+    monkeypatch.setattr("ctypes.CDLL", lambda name: SimpleNamespace(mallopt=lambda *option: told.append(option)))
+    _keep_freed()
+    assert dict(told) == (_HEAP if sys.platform == "linux" else {})
+    monkeypatch.setattr("ctypes.CDLL", lambda name: object())  # as of musl
+    _keep_freed()
