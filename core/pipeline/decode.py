@@ -17,6 +17,7 @@ import numpy as np
 from core.errors import InputError
 from core.lazy import dataclass
 from core.model import Capture, Note, PhaseMap, Project, named_by
+from core.model.finding import Finding
 from core.parallel import can_fork, on_processes
 from core.pipeline.evidence import shared_frames
 from core.pipeline.folders import own_folder
@@ -96,8 +97,15 @@ def decode_images(
     from core.verify.stored import check_stored
 
     progress.check()
-    told = [Note(finding.text, finding.names) for finding in check_stored(capture, images, phase, lines)]
-    return replace(phase, notes=(*told, *phase.notes), gaps=gaps_among(images))
+    findings = check_stored(capture, images, phase, lines)
+    return replace(phase, notes=all_notes(findings, phase.notes), gaps=gaps_among(images))
+
+
+def all_notes(findings: Sequence[Finding], notes: Sequence[str]) -> tuple[str, ...]:
+    """Put what is found of frames before the notes on decoding; a frame that stands elsewhere is not late."""
+    told = [Note(finding.text, finding.names) for finding in findings]
+    elsewhere = tuple(f"Frame {shot} shows the pattern" for finding in findings for shot in finding.shots)
+    return (*told, *(note for note in notes if not note.startswith(elsewhere)))
 
 
 def phase_maps(
