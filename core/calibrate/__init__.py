@@ -2,7 +2,7 @@
 
 photogrammetric.py  cameras and projectors calibrated together from the targets of moved boards
 network.py    from measured targets to a network; selection.py leaves out and names what cannot be determined
-adjust.py     the bundle adjustment of a network, which tries what helps where a solution does not fit
+adjust.py     the bundle adjustment of a network, by starts.py from those approximate values that help
 approximate   approximate values of the unknowns
 solution      the unknowns, their equations, the way to the solution, and its covariances
 diagnosis     what is wrong with a network, what it does not determine, what more captures would bring

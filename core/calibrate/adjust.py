@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
 from core.algebra import on_own_threads
-from core.calibrate.approximate.columns import without_unobservable
+from core.calibrate.approximate.columns import placed, unobserved_words, without_unobservable
 from core.calibrate.approximate.from_images import dimensions, located_by_images
-from core.calibrate.approximate.initial import initial_state, misplaced, oriented_anew
-from core.calibrate.approximate.stations import NoPoseError
+from core.calibrate.approximate.initial import misplaced
 from core.calibrate.diagnosis.groups import without, wrong_group
 from core.calibrate.diagnosis.held import held_concerns
 from core.calibrate.diagnosis.rigid import rigidity_warnings
 from core.calibrate.diagnosis.snooping import (
-    far_off,
-    far_off_error,
     gross_errors,
     masked,
     normalised_residuals,
@@ -29,16 +25,14 @@ from core.calibrate.diagnosis.snooping import (
 )
 from core.calibrate.diagnosis.weakness import (
     MirroredError,
-    PointsError,
     behind_warning,
     geometry_warnings,
     usual_variance,
 )
-from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network, selected
+from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network
 from core.calibrate.solution.datum import check_known
-from core.calibrate.solution.equations import cost_of
 from core.calibrate.solution.normals import SingularNormalsError
-from core.calibrate.solution.problem import Problem, problem_of
+from core.calibrate.solution.problem import problem_of
 from core.calibrate.solution.robust import misfits, robust_state
 from core.calibrate.solution.solve import (
     DEFAULT,
@@ -49,39 +43,12 @@ from core.calibrate.solution.solve import (
     Solved,
     refuse_unredundant,
     result_of,
-    solve,
 )
-from core.calibrate.solution.state import State
+from core.calibrate.starts import POSELESS, Start, begun_at, places_told, solve_despite, solve_with_places
 from core.errors import AdjustmentError
 from core.geometry import similarity_residual
-from core.lazy import dataclass
-from core.model import Adjustment, Array, Concern, Network
+from core.model import Adjustment, Array, Network
 from core.progress import SILENT, Progress
-
-UNEVEN = 2.0  # variance of a solution over that of the bulk of its observations, likewise
-POSELESS = 8  # stations, of which one at most may fit no pose
-ORIENTED = 3  # times
-SAME = 1e-6  # share by which the variances of one and the same solution differ
-SAME_START = 1e-3  # and vᵀPv of approximate values that lead nowhere else
-
-
-@dataclass(frozen=True)
-class _Start:
-    """A network with approximate values of its unknowns."""
-
-    network: Network
-    problem: Problem
-    state: State
-
-    @cached_property
-    def cost(self) -> float:
-        """vᵀPv there."""
-        return cost_of(self.problem, self.state)
-
-    @cached_property
-    def robust(self) -> State:
-        """What the bulk of the observations agrees on, from there."""
-        return robust_state(self.problem, self.state)
 
 
 @on_own_threads()
@@ -201,23 +168,25 @@ def _solved(
 ) -> tuple[Solved, Warnings]:
     """Solve and reject; with `spare_ends` no images of the ends of measured distances, which these may contradict."""
     whole = network
-    network, warnings = adjustable(network)
-    network, more = without_unobservable(network)
-    warnings += more
+    given, warnings = adjustable(network)
+    network = without_unobservable(given)
+    said = len(warnings)  # before what is said of a coordinate never observed
     problem = problem_of(network)
     refuse_unredundant(problem)
     progress(0.0, "initial values")
     earlier: tuple[float, ...] = ()
     if near is not None and _same_unknowns(near.network, network):
         state, earlier = near.state, near.convergence
+        network = placed(network, [name for name, device in near.network.devices.items() if device.along])
+        problem = problem_of(network)
     else:
         spare = 0 if options.reject_beyond is None else len(network.station_names) // POSELESS
-        network, problem, state, more = _begun(network, problem, spare)
+        network, problem, state, more = begun_at(network, problem, spare)
         warnings += more
         network, problem, state, more = misplaced(network, problem, state)
         warnings += more
     rejected = 0
-    solved, lost, more = _solve_somehow(_Start(network, problem, state), options, progress.part(0.1, 0.9))
+    solved, lost, more = solve_with_places(Start(network, problem, state), options, progress.part(0.1, 0.9))
     while True:
         rejected += lost
         warnings += more
@@ -242,12 +211,13 @@ def _solved(
                 raise
             return _solved(whole, options, progress, spare_ends=True)
         warnings += more
-        solved, lost, more = _solve_despite(_Start(network, problem, state), options, progress.part(0.1, 0.9))
+        solved, lost, more = solve_despite(Start(network, problem, state), options, progress.part(0.1, 0.9))
     if rejected:
         warnings.append(
             f"{rejected} of {rejected + len(solved.problem.point)} observations rejected as gross errors "
             f"(normalised residual above {options.reject_beyond:g})"
         )
+    warnings[said:said] = unobserved_words(given, solved.network, places_told(solved))
     warnings += held_concerns(solved.network, solved.problem, solved.state, solved.equations.cost)
     warnings += solved.weaknesses
     warnings += geometry_warnings(solved.problem, solved.state)
@@ -257,111 +227,10 @@ def _solved(
     return replace(solved, convergence=(*earlier, *solved.convergence[bool(earlier) :])), warnings
 
 
-def _begun(network: Network, problem: Problem, spare: int) -> tuple[Network, Problem, State, Warnings]:
-    """Approximate values; up to `spare` stations whose points fit no pose are left out and named."""
-    try:
-        return network, problem, initial_state(network, problem), []
-    except NoPoseError as failure:
-        if not spare:
-            raise
-        station = network.station_names.index(failure.where.removeprefix("station "))
-        try:
-            network, warnings = adjustable(selected(network, network.observation_station != station))
-            problem = problem_of(network)
-            refuse_unredundant(problem)
-            network, problem, state, more = _begun(network, problem, spare - 1)
-        except AdjustmentError:  # the first one tells most
-            raise failure from None
-        told = Concern("doubtful", f"left out, {failure.seen}: {failure.where}")
-        return network, problem, state, [told, *warnings, *more]
-
-
 def _same_unknowns(one: Network, other: Network) -> bool:
     """Whether networks have the same stations, poses and approximate points."""
     names = [(n.station_names, n.station_pose, n.point_names) for n in (one, other)]
     return names[0] == names[1] and np.array_equal(one.point_xyz_mm, other.point_xyz_mm)
-
-
-def _solve_somehow(start: _Start, options: AdjustOptions, progress: Progress) -> tuple[Solved, int, Warnings]:
-    """As `_solve_despite`; where that does not fit, from stations oriented anew on what the bulk of them agrees on.
-
-    Of a flat field seen with little perspective, rough approximate points choose the second solution of some stations.
-    So do nominal lenses of stations that see few points: at last those of the solution are taken, too.
-    """
-    best: tuple[Solved, int, Warnings] | None = None
-    failure: AdjustmentError | None = None
-    try:
-        best = _solve_despite(start, options, progress)
-    except SettledError:
-        raise
-    except AdjustmentError as error:
-        failure = error
-    steady = False
-    for lenses in (False,) * ORIENTED + (True,):
-        if best is not None and not _doubted(best[0]):
-            break
-        if (steady and not lenses) or (lenses and best is None):
-            continue
-        with suppress(AdjustmentError, SingularNormalsError):
-            there = oriented_anew(start.network, start.problem, start.robust, lenses)
-            before, start = start, replace(start, state=there)
-            steady = abs(start.cost - before.cost) < SAME_START * before.cost
-            if steady:
-                continue
-            found = _solve_despite(start, options, progress)
-            steady = best is not None and abs(found[0].variance / best[0].variance - 1) < SAME
-            if found[0].variance < (FITTING**2 if best is None else best[0].variance / UNEVEN):
-                best = found
-    if best is None:
-        assert failure is not None
-        raise failure
-    return best
-
-
-def _doubted(solved: Solved) -> bool:
-    """Whether a solution leaves so much, in all or in some observations, that it may be a false minimum."""
-    return solved.variance > min(DOUBTED**2, UNEVEN * usual_variance(solved.problem, solved.equations))
-
-
-def _solve_despite(
-    start: _Start, options: AdjustOptions, progress: Progress, passes: int = 3
-) -> tuple[Solved, int, Warnings]:
-    """Solve, where gross errors lead least squares astray from a robust solution or, if rejecting, without them.
-
-    Points that would have to lie behind a device, or are seen from one place only, are left out first, in so many
-    passes. Also gives how many observations were left out, and names the points and stations left out with them.
-    """
-    network, problem = start.network, start.problem
-    try:
-        return solve(network, problem, start.state, options, progress), 0, []
-    except SettledError:
-        raise
-    except AdjustmentError as failure:
-        if isinstance(failure, PointsError) and passes:
-            bad = np.flatnonzero(np.isin(problem.point, failure.points))
-            smaller, rest, state, warnings = without(network, problem, failure.state, bad)
-            solved, lost, more = _solve_despite(_Start(smaller, rest, state), options, progress, passes - 1)
-            told = Concern("doubtful", f"left out, {failure.seen}: {failure.where}")
-            return solved, lost, [told, *warnings, *more]
-        try:
-            bad, misfit = far_off(problem, start.robust)
-            if not len(bad):
-                raise failure
-            if options.reject_beyond is None:
-                with suppress(AdjustmentError):
-                    return solve(network, problem, start.robust, options, progress), 0, []
-            smaller, rest, state, warnings = without(network, problem, start.robust, bad)
-            solved = solve(smaller, rest, state, options, progress)
-        except (SingularNormalsError, AdjustmentError):
-            raise failure from None
-        if options.reject_beyond is None:
-            error = far_off_error(network, problem, bad, misfit)
-            of = network.observation_station
-            single = np.all(2 * np.bincount(of[bad], minlength=of.max() + 1) < np.bincount(of).clip(1))
-            if single and not _doubted(solved):
-                raise SettledError(error.where, error.seen, error.remedy) from None
-            raise error from None
-        return solved, len(bad), warnings
 
 
 def _sizes_of_errors(solved: Solved) -> Array:

@@ -41,11 +41,13 @@ class StationId:
 class NetworkDevice:
     """A device of a network and which of its parameters are estimated: names of its lens's, None for the usual ones.
 
-    Those that its `spec` knows before with a sigma of 0 are held all the same.
+    Those that its `spec` knows before with a sigma of 0 are held all the same. `along` adjusts its place along the axis
+    of a coordinate never observed, too, which is held at 0 otherwise.
     """
 
     spec: DeviceSpec
     estimate: tuple[str, ...] | None = None
+    along: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,23 @@
 
 It knows planes instead of rays. They all contain the projection centre and the image's y axis, so that the place of the
 centre along that axis is not observable, nor are y0 (the same), A3 (the same as c), A4 (the same as a roll) and A5 (the
-same as a tilt about x, but for its square).
+same as a tilt about x, but for its square). Distortion bends the planes: x is moved by r², in which y is, so that it
+tells the place along y, and so much the better the stronger it is. y0 and A3 stay as they are; what distortion tells of
+A4 and A5 is far less than is known of any lens.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 
 from core.calibrate.selection import Warnings
-from core.calibrate.solution.problem import RELATIVE, Problem, never_observed
+from core.calibrate.solution.elimination import reduce
+from core.calibrate.solution.normals import SingularNormalsError, solve_factor
+from core.calibrate.solution.problem import ALONG, RELATIVE, Problem, never_observed, problem_of
+from core.calibrate.solution.state import State, poses_in_devices
 from core.geometry import Pose, estimated, lens_of
 from core.model import Array, Network
 
@@ -20,25 +26,88 @@ LEAST_POINTS = 12
 PLAUSIBLE = 1.5  # ratio to the nominal focal length up to which that of the resection is used
 # with the affine parameters, where a coordinate was never observed: a principal point, and which decentring parameter
 UNOBSERVABLE = {"v": ("y0", 0), "u": ("x0", 1)}
+TOLD = 0.05  # of its distance from the points: sigma of a place that is adjusted; rigs seldom stand farther from 0
 
 
-def without_unobservable(network: Network) -> tuple[Network, Warnings]:
-    """Hold what a device with one observed coordinate cannot tell, and say so."""
-    devices = dict(network.devices)
-    warnings: Warnings = []
+def unobservable(network: Network) -> dict[str, tuple[str, ...]]:
+    """Name what devices with one observed coordinate cannot tell of their interior orientation."""
+    lost = {}
     for name, coordinate in never_observed(network).items():
-        device = devices[name]
-        free = estimated(device)
-        (centre, which), lens = UNOBSERVABLE[coordinate], lens_of(device.spec)
-        lost = (centre, *lens.of_kind("affine"), lens.of_kind("decentring")[which])
-        held = [p for p in lost if p in free]
-        devices[name] = replace(device, estimate=tuple(p for p in free if p not in held))
+        (centre, which), lens = UNOBSERVABLE[coordinate], lens_of(network.devices[name].spec)
+        lost[name] = (centre, *lens.of_kind("affine"), lens.of_kind("decentring")[which])
+    return lost
+
+
+def without_unobservable(network: Network) -> Network:
+    """Hold what a device with one observed coordinate cannot tell."""
+    devices = dict(network.devices)
+    for name, lost in unobservable(network).items():
+        free = tuple(p for p in estimated(devices[name]) if p not in lost)
+        devices[name] = replace(devices[name], estimate=free)
+    return replace(network, devices=devices)
+
+
+def unobserved_words(given: Network, network: Network, sigmas_mm: dict[str, float]) -> Warnings:
+    """Say what is held in a network, and was not as it was given, and to which sigma distortion tells places."""
+    words: Warnings = []
+    for name, coordinate in never_observed(given).items():
+        free = estimated(network.devices[name])
+        held = [p for p in estimated(given.devices[name]) if p not in free]
         axis = "x" if coordinate == "u" else "y"
-        warnings.append(
-            f"{name}: {coordinate} was never observed: {', '.join([*held, f'and its place along its {axis} axis'])} "
-            "held at 0"
-        )
-    return replace(network, devices=devices), warnings
+        told = sigmas_mm.get(name) if network.devices[name].along else None
+        if told is None:
+            held.append(f"and its place along its {axis} axis")
+        if held:
+            words.append(f"{name}: {coordinate} was never observed: {', '.join(held)} held at 0")
+        if told is not None:
+            words.append(f"{name}: its place along its {axis} axis is told by its distortion alone, to {told:.2g} mm")
+    return words
+
+
+def placed(network: Network, names: Collection[str]) -> Network:
+    """Adjust the places of those devices along the axis of a coordinate never observed, too, and of no others."""
+    devices = {name: replace(device, along=name in names) for name, device in network.devices.items()}
+    return replace(network, devices=devices)
+
+
+def told_places(network: Network, problem: Problem, state: State, variance: float) -> dict[str, float]:
+    """Sigmas, mm, of the places along the axis of a coordinate never observed, where distortion tells them.
+
+    `variance` is that of unit weight. Where the sigma is larger than what one knows of any rig, nothing is won.
+    """
+    sigmas = {}
+    for name, coordinate in never_observed(network).items():
+        d = problem.device_names.index(name)
+        whole = replace(problem, columns=problem_of(placed(network, [name])).columns)
+        if (place := int(whole.columns[d, ALONG[coordinate]])) < 0:
+            continue  # of a device that stands for itself, every station has a place of its own
+        try:
+            reduced = reduce(whole, state)
+            unit = np.zeros(len(reduced.right))
+            unit[place] = 1.0
+            sigma = float(np.sqrt(variance * solve_factor(reduced.factor, unit)[place]))
+        except SingularNormalsError:
+            continue
+        if sigma < TOLD * _distance(problem, state, d):
+            sigmas[name] = sigma
+    return sigmas
+
+
+def unplaced(network: Network, problem: Problem, state: State) -> State:
+    """Put devices back to 0 whose places along the axis of a coordinate never observed are not adjusted."""
+    shift = state.relative_shift.copy()
+    for name, coordinate in never_observed(network).items():
+        d = problem.device_names.index(name)
+        if problem.base[d] != d and not network.devices[name].along:
+            shift[d, ALONG[coordinate] - ALONG["u"]] = 0.0
+    return replace(state, relative_shift=shift)
+
+
+def _distance(problem: Problem, state: State, device: int) -> float:
+    """Median distance of a device from its points, along its viewing axis, mm."""
+    R, t = poses_in_devices(problem, state)
+    own = problem.device == device
+    return float(np.median(-np.einsum("mj,mj->m", R[own, 2], state.xyz[problem.point[own]]) - t[own, 2]))
 
 
 def resect_columns(

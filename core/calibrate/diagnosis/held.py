@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.calibrate.approximate.columns import unobservable
 from core.calibrate.diagnosis.weakness import effects
 from core.calibrate.solution.elimination import reduce
 from core.calibrate.solution.equations import linearise
@@ -84,11 +85,11 @@ def held_concerns(network: Network, problem: Problem, state: State, cost: float)
 
 
 def freed(network: Network) -> Network | None:
-    """Estimate all that is held of the interior orientations; None where nothing is."""
-    devices = {
-        name: replace(device, spec=replace(device.spec, interior_sigma=()), estimate=lens_of(device.spec).usual)
-        for name, device in network.devices.items()
-    }
+    """Estimate all that is held of the interior orientations and observable; None where nothing is."""
+    lost, devices = unobservable(network), {}
+    for name, device in network.devices.items():
+        usual = tuple(p for p in lens_of(device.spec).usual if p not in lost.get(name, ()))
+        devices[name] = replace(device, spec=replace(device.spec, interior_sigma=()), estimate=usual)
     held = any(set(devices[name].estimate or ()) - {*estimated(device)} for name, device in network.devices.items())
     return replace(network, devices=devices) if held else None
 

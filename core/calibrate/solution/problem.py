@@ -16,6 +16,7 @@ from core.model import Array, DeviceSpec, Ints, Network, NetworkScale
 MOST_REDUCED = 3000  # unknowns of points that are kept whole; more are eliminated if there are fewer of the poses
 COMPILED = "A1..A6"  # the lens model that the kernels know; any other is worked out before they run
 RELATIVE = 6  # columns of a relative orientation, before those of the interior
+ALONG = {"u": 3, "v": 4}  # of these, the place along the axis of an image coordinate
 HELD_MM = 1e-6  # sigma of what is held: far below anything observed, far above the rounding of the normals
 
 
@@ -252,7 +253,7 @@ def _columns(network: Network, base: Ints, used: set[int]) -> Ints:
             wanted[d, :RELATIVE] = base[d] != d
     for name, coordinate in never_observed(network).items():
         # the projection centre along the axis of a coordinate never observed
-        wanted[list(network.devices).index(name), 3 if coordinate == "u" else 4] = False
+        wanted[list(network.devices).index(name), ALONG[coordinate]] &= network.devices[name].along
     for part in (slice(RELATIVE, None), slice(0, RELATIVE)):
         places = columns[:, part]
         places[wanted[:, part]] = columns.max() + 1 + np.arange(np.count_nonzero(wanted[:, part]))

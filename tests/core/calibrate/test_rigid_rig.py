@@ -323,11 +323,12 @@ def test_a_projector_that_codes_columns_only_is_calibrated_without_what_columns_
     assert device.sigma[2] == 0
     # what tells x y A5 from a tilt is its square: without it the others have the sigmas of parameters that are seen
     assert np.abs((device.interior.vector - truth.vector)[[3, 4, 8]] / device.sigma[[3, 4, 8]]).max() < 4
-    assert adjustment.iterations < 10
-    # the projection centre's height, 15 mm in truth, is held at 0 and reaches the rest through the distortion only
+    assert adjustment.iterations < 20  # a place known to 13 mm is not linear; where A5 was free there were 60
+    # the projection centre's height is told by the distortion, to 5 to 15 mm, and reaches the rest through it only
     assert abs(device.interior.c_mm - truth.c_mm) < 5 * device.sigma[0]
     found = adjustment.relative["projector"].translation_mm
-    assert found[1] == 0
+    sigma = np.sqrt(adjustment.parameter_cov.diagonal())[adjustment.parameter_names.index("projector.ty")]
+    assert abs(found[1] - simulated.projector_from_camera.translation_mm[1]) < 4 * sigma < 4 * 30
     np.testing.assert_allclose(found[[0, 2]], simulated.projector_from_camera.translation_mm[[0, 2]], atol=0.5)
     camera = adjustment.devices["camera"]
     assert np.abs((camera.interior.vector - simulated.interior["camera"].vector) / camera.sigma).max() < 4

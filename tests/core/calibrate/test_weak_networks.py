@@ -58,7 +58,7 @@ def test_hardly_convergent_images_are_warned_of(simulate):
 
 
 def test_two_images_do_not_calibrate_a_camera(simulate, monkeypatch):
-    monkeypatch.setattr(sys.modules["core.calibrate.adjust"], "robust_state", None)  # they fit: nothing else is tried
+    monkeypatch.setattr(sys.modules["core.calibrate.starts"], "robust_state", None)  # they fit: nothing else is tried
     with pytest.raises(AdjustmentError, match=r"camera\.\w+.*cannot be estimated"):
         adjust(simulate(poses=2, use=("camera",)).network)
 
