@@ -11,6 +11,7 @@ lacking.py   terms that were not adjusted, from what residuals show of them
 weights.py   ... sigmas of its images, and of both axes, against each other
 given.py     ... a network against what its files give: known points and lengths, units, pixels, stations
 lengths.py   scale bar, boards and plate positions: which of the known lengths is not like the others
+placing.py   ... between which targets they lie, of boards that may be named another way
 boards.py    ... which targets of a board or plate its file misplaces
 plates.py    ... where the plates stood, seen by camera and projector
 depth.py     ... and where the depth calibration has them; the camera that it has by them alone
@@ -28,6 +29,7 @@ from core.checks.given import given_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, sound_words
+from core.checks.placing import turned_concerns
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
@@ -38,8 +40,8 @@ __all__ = [
     "Plates", "adjustment_concerns", "bar_notes", "bend_of_plane", "code_concerns", "depthless_concerns", "end_notes",
     "exchanged_notes", "fields_at", "flatness_concerns", "foreign_concerns", "form_of", "given_concerns",
     "grey_concerns", "independent_errors", "is_noise", "left_out_of", "length_concerns", "light_end",
-    "misplaced_concerns", "misplaced_on_plate", "nominal_concerns", "pair_concerns", "placed_concerns",
-    "plane_concerns", "plane_words", "pose_plates", "rejected_of", "repeated_frames", "repeated_planes",
-    "repeated_targets", "response_concerns", "see_plates", "size_concerns", "sound_words", "travel_concerns",
-    "uneven_axes",
+    "misplaced_concerns", "misplaced_on_plate", "nominal_concerns",
+    "pair_concerns", "placed_concerns", "plane_concerns", "plane_words", "pose_plates", "rejected_of",
+    "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns", "see_plates", "size_concerns",
+    "sound_words", "travel_concerns", "turned_concerns", "uneven_axes",
 ]  # fmt: skip

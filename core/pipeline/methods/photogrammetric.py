@@ -16,6 +16,7 @@ from core.geometry import camera_for
 from core.model import (
     Adjustment,
     Capture,
+    Concern,
     DeviceSpec,
     PhotogrammetricCalibration,
     Project,
@@ -96,27 +97,21 @@ def _calibrate(
     bars = [bar for bar in (project.scale, *project.lengths) if bar is not None]
     notes = [f"{t.capture}: {note}" for t in targets for note in t.notes]
     notes += [] if bars else [_unscaled(adjustment)]
-    warnings = (*notes, *placed_by_chance(captures, testfield, bars), *calibration.warnings)
+    warnings = (*notes, *calibration.warnings)
     return Calibrated(replace(calibration, warnings=warnings), targets, {ADJUSTMENT: adjustment})
 
 
-def placed_by_chance(captures: Sequence[Capture], testfield: Testfield, bars: Sequence[ScaleBar]) -> list[str]:
-    """Tell known distances whose ends are others when a board that nobody picked is taken the other way round."""
+def placing_concerns(project: Project, captures: Sequence[Capture], adjustment: Adjustment) -> list[Concern]:
+    """Tell known distances that may be between other targets: of boards that nobody picked."""
+    from core import checks
     from core.measure import kind_of, symmetries
 
-    if any(c.seeds for c in captures) or kind_of(testfield).coded:
+    board = common_testfield(captures)
+    bars = [bar for bar in (project.scale, *project.lengths) if bar is not None]
+    if any(c.seeds for c in captures) or kind_of(board).coded:
         return []
-    turns, told = symmetries(testfield), []
-    for bar in bars:
-        ends = np.array([bar.start, bar.stop])
-        if any(
-            {*map(tuple, (ends @ np.array(turn).T + shift).tolist())} != {bar.start, bar.stop} for turn, shift in turns
-        ):
-            told.append(
-                f"nobody picked, and the board looks the same when turned: the length from {bar.start} to {bar.stop} "
-                "may be between other targets; pick 4 targets in one capture, or measure across the board's middle"
-            )
-    return told
+    namings = [(np.array(turn), np.array(shift)) for turn, shift in symmetries(board)]
+    return checks.turned_concerns(adjustment, board, bars, namings)
 
 
 def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: Adjustment) -> list[TargetSet]:
@@ -156,6 +151,7 @@ def _judge(evidence: Evidence, name: str, calibration: PhotogrammetricCalibratio
         *checks.uneven_axes(adjustment),
         *checks.misplaced_concerns(common_testfield(evidence.used[name]), adjustment, targets),
         *lengths,
+        *placing_concerns(evidence.project, evidence.used[name], adjustment),
         *checks.nominal_concerns(calibration.devices, evidence.project.rig.cameras),
     ]
     alone = checks.left_out_of([], lonely, why="seen from one place only")

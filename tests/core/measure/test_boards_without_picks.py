@@ -1,8 +1,6 @@
 """A project whose boards nobody picked, or picked wrongly: told capture by capture, and nothing stops."""
 
 import json
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +8,7 @@ import pytest
 from core.bench.scenarios import experiment
 from core.bench.truth import true_targets
 from core.errors import InputError
-from core.model import Capture, ScaleBar, Seed
 from core.pipeline import calibrate_project, measure_project
-from core.pipeline.methods.photogrammetric import placed_by_chance
 from core.project import read_project
 
 E = experiment("quick", 3)
@@ -89,14 +85,3 @@ def test_where_nothing_is_recognised_the_reason_is_an_error(quick):
         edit(quick, capture.parent.name, lambda seeds: [s.update(col=40) for s in seeds])
     with pytest.raises(InputError, match="not in the testfield"):
         measure_project(read_project(quick))
-
-
-def test_a_length_that_a_turn_of_the_board_would_move_is_told():
-    field, bar = E.testfields["testfield.csv"], ScaleBar((0, 0), (0, 8), 152.0, 0.01)
-    unpicked = [Capture(Path("one"), "testfield", (), field)]
-    (told,) = placed_by_chance(
-        unpicked, field, [bar, E.scale]
-    )  # the scenario's own is a diagonal: its middle halves it
-    assert "(0, 0) to (0, 8)" in told
-    assert not placed_by_chance([replace(unpicked[0], seeds=(Seed(0, 0, 1.0, 2.0),))], field, [bar])
-    assert not placed_by_chance(unpicked, replace(field, kind="charuco"), [bar])  # tags cannot be turned
