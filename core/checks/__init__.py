@@ -29,7 +29,7 @@ from core.checks.given import given_concerns
 from core.checks.left_out import left_out_of, rejected_of
 from core.checks.lengths import bar_notes, foreign_concerns, length_concerns
 from core.checks.network import adjustment_concerns, nominal_concerns, sound_words
-from core.checks.placing import turned_concerns
+from core.checks.placing import mirrored_concerns, named_from_behind, turned_concerns
 from core.checks.planes import form_of, is_noise, pair_concerns, plane_concerns, plane_words
 from core.checks.plates import Plates, pose_plates, see_plates
 from core.checks.sequences import code_concerns, end_notes, light_end, response_concerns
@@ -40,7 +40,7 @@ __all__ = [
     "Plates", "adjustment_concerns", "bar_notes", "bend_of_plane", "code_concerns", "depthless_concerns", "end_notes",
     "exchanged_notes", "fields_at", "flatness_concerns", "foreign_concerns", "form_of", "given_concerns",
     "grey_concerns", "independent_errors", "is_noise", "left_out_of", "length_concerns", "light_end",
-    "misplaced_concerns", "misplaced_on_plate", "nominal_concerns",
+    "mirrored_concerns", "misplaced_concerns", "misplaced_on_plate", "named_from_behind", "nominal_concerns",
     "pair_concerns", "placed_concerns", "plane_concerns", "plane_words", "pose_plates", "rejected_of",
     "repeated_frames", "repeated_planes", "repeated_targets", "response_concerns", "see_plates", "size_concerns",
     "sound_words", "travel_concerns", "turned_concerns", "uneven_axes",

@@ -1,4 +1,4 @@
-"""Between which targets known lengths lie: a board that looks the same turned may be named another way.
+"""Between which targets known lengths lie: a board that looks the same turned or mirrored may be named another way.
 
 All images then agree on the other names, and no residual tells. What they do tell is how long everything is: where a
 length that is laid between other targets would give another scale by more than its sigma, the scale is open.
@@ -6,7 +6,7 @@ length that is laid between other targets would give another scale by more than 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from core.model import Adjustment, Array, Concern, ScaleBar, Testfield
 LEAST = 6  # targets that tell the shape of a board
 WORSE = 1.5  # times that a board's own places fit if targets have the other names: these are excluded
 SIGNIFICANT = 3.3  # sigmas by which the scales of two placements differ, or known lengths exclude one of them
+MIRRORS = [np.array(m) for m in ([[1, 0], [0, -1]], [[-1, 0], [0, 1]], [[0, 1], [1, 0]], [[0, -1], [-1, 0]])]
 
 Naming = tuple[Array, Array]  # of targets in another way: (row, col) -> T (row, col) + shift, (2, 2) and (2,)
 
@@ -43,6 +44,52 @@ def turned_concerns(
         "measure across the board's middle"
     )
     return [Concern("doubtful", text)]
+
+
+def mirrored_concerns(
+    adjustment: Adjustment, board: Testfield, bars: Sequence[ScaleBar], cameras: Collection[str]
+) -> list[Concern]:
+    """Tell picks that name targets in mirrored order: a length that is not symmetric lies between others then.
+
+    Where they do not matter to the scale nothing is wrong: a board may be seen in a mirror, or through glass.
+    """
+    if not named_from_behind(adjustment, board, cameras):
+        return []
+    if (other := _other_scale(adjustment, board, bars, _mirrored(board))) is None:
+        return []
+    bar, ppm = other
+    text = (
+        "the boards are seen from behind, by the order in which the picks name targets: were rows or columns counted "
+        f"from the wrong side? Then the length from {bar.start} to {bar.stop} is between other targets, which would "
+        f"change the scale by {ppm:.0f} ppm; name the picks anew, or measure across the board's middle"
+    )
+    return [Concern("doubtful", text)]
+
+
+def named_from_behind(adjustment: Adjustment, board: Testfield, cameras: Collection[str]) -> bool:
+    """Whether cameras see a board from behind and its rows and columns run the other way round, too.
+
+    The nominal z may well lead away from the viewer: y then runs downwards, and so do the rows.
+    """
+    poses = zip(adjustment.network.station_device, adjustment.station_from_object, strict=True)
+    towards = np.array([pose.rotation[2, 2] for device, pose in poses if device in cameras])
+    if not len(towards) or 2 * np.count_nonzero(towards < 0) <= len(towards):
+        return False
+    A = np.column_stack([board.col, board.row, np.ones(len(board.row))])
+    along = np.linalg.lstsq(A, board.xyz_mm[:, :2], rcond=None)[0][:2]
+    return bool(np.linalg.det(along) < 0)  # rows run against y, as those of a matrix do where y points up
+
+
+def _mirrored(board: Testfield) -> list[Naming]:
+    """The namings under which the board has the same rows and columns, seen from its other side."""
+    cells = np.column_stack([board.row, board.col])
+    found = []
+    for turn in MIRRORS:
+        to = cells @ turn.T
+        shift = cells.min(axis=0) - to.min(axis=0)
+        if {*map(tuple, (to + shift).tolist())} == {*board.keys}:
+            found.append((turn, shift))
+    return found
 
 
 def _other_scale(

@@ -97,21 +97,37 @@ def _calibrate(
     bars = [bar for bar in (project.scale, *project.lengths) if bar is not None]
     notes = [f"{t.capture}: {note}" for t in targets for note in t.notes]
     notes += [] if bars else [_unscaled(adjustment)]
-    warnings = (*notes, *calibration.warnings)
+    warnings = (*notes, *words_from_behind(project, captures, adjustment), *calibration.warnings)
     return Calibrated(replace(calibration, warnings=warnings), targets, {ADJUSTMENT: adjustment})
 
 
 def placing_concerns(project: Project, captures: Sequence[Capture], adjustment: Adjustment) -> list[Concern]:
-    """Tell known distances that may be between other targets: of boards that nobody picked."""
+    """Tell known distances that may be between other targets: of boards that nobody picked, or everybody mirrored."""
     from core import checks
     from core.measure import kind_of, symmetries
 
     board = common_testfield(captures)
     bars = [bar for bar in (project.scale, *project.lengths) if bar is not None]
-    if any(c.seeds for c in captures) or kind_of(board).coded:
+    if kind_of(board).coded:
         return []
+    if any(c.seeds for c in captures):
+        return checks.mirrored_concerns(adjustment, board, bars, project.rig.cameras)
     namings = [(np.array(turn), np.array(shift)) for turn, shift in symmetries(board)]
     return checks.turned_concerns(adjustment, board, bars, namings)
+
+
+def words_from_behind(project: Project, captures: Sequence[Capture], adjustment: Adjustment) -> list[str]:
+    """Tell picks in mirrored order where nothing else comes of them."""
+    from core import checks
+
+    if not any(c.seeds for c in captures) or placing_concerns(project, captures, adjustment):
+        return []
+    if not checks.named_from_behind(adjustment, common_testfield(captures), project.rig.cameras):
+        return []
+    return [
+        "the boards are seen from behind, by the order in which the picks name targets: right in a mirror or through "
+        "glass; else rows or columns were counted from the wrong side, and x_mm and y_mm of each target are another's"
+    ]
 
 
 def _recentred(targets: Sequence[TargetSet], testfield: Testfield, adjustment: Adjustment) -> list[TargetSet]:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from core.calibrate import adjust
-from core.checks import turned_concerns
+from core.checks import mirrored_concerns, named_from_behind, turned_concerns
 from core.model import Adjustment, Capture, Project, Rig, ScaleBar, Seed, TargetId, Testfield
-from core.pipeline.methods.photogrammetric import placing_concerns
+from core.pipeline.methods.photogrammetric import placing_concerns, words_from_behind
 from tests.core.calibrate.conftest import CAMERA, PROJECTOR, Simulated, simulated_network
 
 ROWS, COLS = 6, 8
@@ -84,3 +84,54 @@ def test_only_of_boards_that_nobody_picked_turns_are_in_doubt(tmp_path: Path) ->
     rings = replace(unpicked, testfield=replace(field, kind="charuco"))
     assert not placing_concerns(project, [rings], adjustment)  # tags cannot be turned
     assert not placing_concerns(replace(project, scale=bar(DIAGONAL)), [unpicked], adjustment)
+
+
+def named(columns_from_right: bool = False, y_down: bool = False) -> tuple[Adjustment, Testfield]:
+    """The same images with other names, or other nominal coordinates."""
+    simulated, _, field = adjusted()
+    names = CELLS if not columns_from_right else np.column_stack([CELLS[:, 0], COLS - 1 - CELLS[:, 1]])
+    if y_down:
+        field = replace(field, xyz_mm=field.xyz_mm * (1, -1, 1))
+    ids = tuple(TargetId(int(r), int(c)) for r, c in names)
+    places = field.xyz_mm[[field.index()[i.row, i.col] for i in ids]]
+    network = replace(simulated.network, point_ids=ids, point_names=tuple(map(str, ids)), point_xyz_mm=places)
+    return adjust(network), field
+
+
+def test_picks_in_mirrored_order_are_told_where_a_length_then_lies_elsewhere() -> None:
+    """Every board seems to be seen from its back then, which passed without a word."""
+    adjustment, field = named(columns_from_right=True)
+    assert named_from_behind(adjustment, field, ["camera"])
+    (told,) = mirrored_concerns(adjustment, field, [bar(((1, 1), (4, 3)))], ["camera"])
+    assert told.state == "doubtful"
+    assert "seen from behind, by the order in which the picks name targets" in told.text
+    assert not mirrored_concerns(adjustment, field, [bar(((1, 1), (4, 3)), sigma_mm=1.0)], ["camera"])
+
+
+@pytest.mark.parametrize("y_down", [False, True])
+def test_a_field_whose_y_runs_downwards_is_as_sound_as_one_whose_y_runs_upwards(y_down: bool) -> None:
+    adjustment, field = named(y_down=y_down)
+    behind = [pose.rotation[2, 2] < 0 for pose in adjustment.station_from_object]
+    assert all(behind) if y_down else not any(behind)
+    assert not named_from_behind(adjustment, field, ["camera"])
+    assert not mirrored_concerns(adjustment, field, [bar(ALONG)], ["camera"])
+
+
+def test_rows_counted_upwards_are_no_mirrored_order() -> None:
+    """As those of Kalibr's boards are: the first row is the lowest."""
+    _, adjustment, field = adjusted()
+    ids = tuple(TargetId(ROWS - 1 - i.row, i.col) for i in adjustment.network.point_ids)
+    upwards = replace(field, row=ROWS - 1 - field.row)
+    assert not named_from_behind(
+        replace(adjustment, network=replace(adjustment.network, point_ids=ids)), upwards, ["camera"]
+    )
+
+
+def test_mirrored_picks_are_said_where_nothing_else_comes_of_them(tmp_path: Path) -> None:
+    adjustment, field = named(columns_from_right=True)
+    project = Project(tmp_path, "one", Rig({"camera": CAMERA}, {"projector": PROJECTOR}), None, ())
+    picked = Capture(tmp_path / "one", "testfield", (), field, seeds=(Seed(0, 0, 1.0, 2.0),))
+    assert not placing_concerns(project, [picked], adjustment)
+    (told,) = words_from_behind(project, [picked], adjustment)
+    assert "rows or columns were counted from the wrong side" in told
+    assert not words_from_behind(project, [picked], adjusted()[1])
