@@ -20,6 +20,7 @@ from core.calibrate.solution.normals import SingularNormalsError, solve_factor
 from core.calibrate.solution.problem import ALONG, RELATIVE, Problem, never_observed, problem_of
 from core.calibrate.solution.state import State, poses_in_devices
 from core.geometry import Pose, estimated, lens_of
+from core.geometry.lens import MAIN
 from core.model import Array, Network
 
 LEAST_POINTS = 12
@@ -67,6 +68,19 @@ def unobserved_words(given: Network, network: Network, sigmas_mm: dict[str, floa
 def placed(network: Network, names: Collection[str]) -> Network:
     """Adjust the places of those devices along the axis of a coordinate never observed, too, and of no others."""
     devices = {name: replace(device, along=name in names) for name, device in network.devices.items()}
+    return replace(network, devices=devices)
+
+
+def alone(network: Network) -> Network:
+    """Hold of devices with one observed coordinate what images that stand for themselves do not tell.
+
+    One coordinate of a plane has five parameters, ``x = (a X + b Y + c) / (d X + e Y + 1)``, as many as a pose without
+    its place along the other axis: c and principal point are told by what images have in common alone.
+    """
+    devices = dict(network.devices)
+    for name in never_observed(network):
+        free = tuple(p for p in estimated(devices[name]) if p not in MAIN)
+        devices[name] = replace(devices[name], estimate=free, along=False)
     return replace(network, devices=devices)
 
 

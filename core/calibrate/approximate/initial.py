@@ -16,7 +16,7 @@ from core.calibrate.approximate.columns import resect_columns
 from core.calibrate.approximate.stations import LEAST_POINTS, in_own_lenses, oriented_stations, resectable, tangents_of
 from core.calibrate.selection import Bools, Warnings, known_points
 from core.calibrate.solution.equations import misclosures
-from core.calibrate.solution.problem import Problem, problem_of
+from core.calibrate.solution.problem import Problem, never_observed, problem_of
 from core.calibrate.solution.state import State, interior_of, poses_in_devices
 from core.errors import AdjustmentError
 from core.geometry import Pose, matrix_from_rotation_vector, rotation_vector_from_matrix, similarity
@@ -193,8 +193,16 @@ def _oriented(network: Network, problem: Problem) -> State:
                 relative[d], state.interior[d] = resected
     lost = np.isnan(shift[problem.station_pose, 0]) | ~np.isin(problem.station_device, list(relative))
     if lost.any():
+        station = int(np.argmax(lost))
+        unseen = never_observed(network).get(network.station_device[station])
+        if unseen and problem.base[problem.station_device[station]] == problem.station_device[station]:
+            raise AdjustmentError(
+                f"station {network.station_names[station]}",
+                f"{unseen} was never observed: without it, no image of a flat field orients a device by itself",
+                "adjust the rig as a rigid one, without free stations, or observe both coordinates",
+            )
         raise AdjustmentError(
-            f"station {network.station_names[int(np.argmax(lost))]}",
+            f"station {network.station_names[station]}",
             "its orientation cannot be found from the approximate points",
             "check the identities of its points and the nominal focal length, or leave the station out",
         )

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from core.calibrate.approximate.columns import alone
 from core.calibrate.diagnosis.weakness import singular_error, unsolved_error
 from core.calibrate.selection import Warnings
 from core.calibrate.solution.covariance import pose_cofactors
@@ -75,9 +76,13 @@ def rigidity_warnings(solved: Solved, groups: Sequence[int], remedy: str = "", p
 
 
 def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILENT) -> RigidityTest:
-    """Compare a solution, rigid or free, with the other assumption; `groups` gives the pose of every station."""
-    rigid = weighted_problem(replace(solved.network, station_pose=tuple(groups)), solved.factors)
-    free = weighted_problem(replace(solved.network, station_pose=tuple(range(len(groups)))), solved.factors)
+    """Compare a solution, rigid or free, with the other assumption; `groups` gives the pose of every station.
+
+    Of devices with a coordinate never observed, what free stations do not tell stays as it is.
+    """
+    network = alone(solved.network)
+    rigid = weighted_problem(replace(network, station_pose=tuple(groups)), solved.factors)
+    free = weighted_problem(replace(network, station_pose=tuple(range(len(groups)))), solved.factors)
     constraints = rigid.redundancy - free.redundancy
     if constraints <= 0:
         raise InputError("the network", "no two devices share several poses", "test rigs of at least two devices")
@@ -85,11 +90,11 @@ def rigidity_of(solved: Solved, groups: Sequence[int], progress: Progress = SILE
     if values.min() < UNKNOWNS:
         name = f"station {solved.network.station_names[int(np.argmin(values))]}"
         raise AdjustmentError(name, "its orientation is not determined by its points", "add points to it")
-    given_rigid = solved.problem.redundancy == rigid.redundancy
+    given_rigid = solved.problem.poses == rigid.poses
     free_start = _freed(rigid, solved.state) if given_rigid else solved.state
-    free_solution = _solution(solved.network, free, free_start, progress)
+    free_solution = _solution(network, free, free_start, progress)
     rigid_start = solved.state if given_rigid else _bound(rigid, solved.state)
-    rigid_cost = _solution(solved.network, rigid, rigid_start, progress).cost
+    rigid_cost = _solution(network, rigid, rigid_start, progress).cost
     variance = free_solution.cost / free.redundancy
     excess = max(rigid_cost - free_solution.cost - constraints * variance, 0.0)
     deviations = np.concatenate([_deviations(rigid, free_solution.state, d) for d in range(len(rigid.base))])

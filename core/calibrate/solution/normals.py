@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.calibrate.solution.equations import GLOBALS, POINT, POSE, equations_band, room_for_block
-from core.calibrate.solution.problem import RELATIVE, Observed, Problem
+from core.calibrate.solution.problem import HELD_MM, RELATIVE, Observed, Problem
 from core.calibrate.solution.state import State, Unknowns, unknowns_of
 from core.compiling import inner, njit
 from core.lazy import dataclass
@@ -217,6 +217,8 @@ def assemble(problem: Problem, state: State, damping: float = 0.0) -> Normals:
     observed, unknowns = problem.observed, unknowns_of(problem, state)
     if problem.points_free:
         _add_known_points(problem, state, lower, half, N_kept, b[G:])
+    poses, at = N_kept if problem.by_points else lower, problem.held_places
+    poses[at >= 0, at[at >= 0], at[at >= 0]] += HELD_MM**-2.0
     _add_known_interior(problem, state, N_global, b)
     lock = Lock()
     failed: list[int] = []

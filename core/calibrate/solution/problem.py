@@ -72,6 +72,8 @@ class Problem:
     #: not
     interior_known: Array
     interior_weight: Array
+    #: (poses,): which component of a pose, of its six, is held where it stands, -1 for none: see `_held_places`
+    held_places: Ints
     points_free: bool = True  #: false holds the points where they are
 
     @property
@@ -140,7 +142,8 @@ class Problem:
             int(np.count_nonzero((places >= 0) & (weight[: len(places)] > 0)))
             for places, weight in zip(self.interior_columns, self.interior_weight, strict=True)
         )
-        return observed + self.defect - self.globals - 6 * self.poses - 3 * self.points
+        poses = 6 * self.poses - int(np.count_nonzero(self.held_places >= 0))
+        return observed + self.defect - self.globals - poses - 3 * self.points
 
 
 def movements(xyz: Array) -> Array:
@@ -214,7 +217,24 @@ def problem_of(network: Network, *, by_points: bool | None = None) -> Problem:
         point_weight=_point_weight(network),
         interior_known=known,
         interior_weight=weight,
+        held_places=_held_places(network, station_pose),
     )
+
+
+def _held_places(network: Network, station_pose: Ints) -> Ints:
+    """Hold the places of devices along the axis of a coordinate never observed, where their stations stand alone.
+
+    Nothing tells them, but distortion, and that from one image hardly: what all images tell together is for a rig, in
+    which other devices give the poses. Shape (poses,).
+    """
+    held = np.full(int(station_pose.max()) + 1, -1, dtype=np.int64)
+    lost = never_observed(network)
+    if len(lost) == len({*network.station_device}):
+        return held
+    for pose, device in zip(station_pose.tolist(), network.station_device, strict=True):
+        held[pose] = ALONG[lost[device]] if device in lost and not network.devices[device].along else -2
+    alone = np.bincount(station_pose) == 1
+    return np.where(alone, np.maximum(held, -1), -1)
 
 
 def _point_weight(network: Network) -> Array:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from core.calibrate import AdjustOptions, adjust
+from core.calibrate.adjust import solve_network
 from core.calibrate.diagnosis.held import freed
+from core.calibrate.diagnosis.rigid import rigidity_of
+from core.errors import AdjustmentError
 from core.model import Adjustment, Interior, Network
 from tests.core.calibrate.conftest import PROJECTOR_TRUTH, Simulated, simulated_network
 
@@ -79,3 +82,35 @@ def test_what_columns_cannot_tell_is_never_asked_for() -> None:
     free = freed(replace(network, devices={**network.devices, "projector": without_a1}))
     assert free is not None
     assert free.devices["projector"].estimate == ("c", "x0", "A1", "A2", "A6")
+
+
+@pytest.mark.parametrize("a", [PLAIN, BENT])
+def test_whether_a_rig_was_rigid_is_told_by_columns_alone(a: tuple[float, ...]) -> None:
+    """Its free stations have too many unknowns: the test did not converge, and said so of sound rigs."""
+    for seed in (0, 1, 3):
+        network = columns_of(simulated(seed, a).network)
+        adjustment = adjust(network, options=OPTIONS)
+        assert not [w for w in adjustment.warnings if "rigid" in w]
+        test = rigidity_of(solve_network(network, OPTIONS)[0], network.station_pose)
+        assert test.rigid
+        assert 0.5 < test.statistic < 1.5  # F of 55 and 1130: 1 +- 0.2
+
+
+def test_a_rig_that_moved_is_told_by_columns_alone_and_nothing_asked_for_that_cannot_be_done() -> None:
+    """A milliradian about the projector's y axis, over half of the captures, is 2 lines."""
+    network = columns_of(simulated(2, PLAIN).network)
+    uv, own = network.observation_uv.copy(), network.made_by["projector"]
+    station = network.observation_station[own]
+    uv[own, 0] += 2.0 * (station > np.median(station))
+    adjustment = adjust(replace(network, observation_uv=uv), options=OPTIONS)
+    (told,) = [c.text for c in adjustment.doubts if c.about == "rigid"]
+    assert told.startswith("the rig was not rigid")
+    assert told.endswith("; mount the devices firmly")
+
+
+def test_stations_that_stand_alone_are_refused_with_the_reason() -> None:
+    """It was said that identities or the nominal focal length might be wrong."""
+    network = columns_of(simulated(2, PLAIN).network)
+    free = replace(network, station_pose=tuple(range(len(network.station_names))))
+    with pytest.raises(AdjustmentError, match=r"1/projector: v was never observed.*adjust the rig as a rigid one"):
+        adjust(free, options=OPTIONS)
