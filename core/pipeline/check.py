@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from core.atomic import is_leftover, sweep
-from core.errors import StripeError
+from core.errors import InputError, StripeError
 from core.fields import kept_object, read_document, text_of
 from core.lazy import dataclass
 from core.model import Capture, Method, Note, PlaneEvaluation, Project, TargetSet, Testfield
 from core.patterns import axis_of
+from core.pipeline.decode import of_another_projector
 from core.pipeline.methods import METHODS, archives_of
 from core.pipeline.runs import DELETED, SIGN_OFF, list_runs, read_run, run_folder
 from core.progress import SILENT, Progress
@@ -234,7 +235,10 @@ def _see_patterns(project: Project, capture: Capture) -> None:
         projector = project.rig.projectors[one.projector]
         patterns = [frame.pattern for frame in one.frames]
         if any(axis_of(pattern) for pattern in patterns):  # a picture alone is none to be decoded
-            refuse_patterns(patterns, (projector.width, projector.height), str(capture.path))
+            try:
+                refuse_patterns(patterns, (projector.width, projector.height), str(capture.path))
+            except InputError as error:
+                raise of_another_projector(error, one, project) or error from None
 
 
 def _runs(folder: Path, progress: Progress) -> Iterator[Finding]:

@@ -87,9 +87,12 @@ def decode_images(
     if project and not project.rig.is_pair:
         where += f", {capture.camera} with {capture.projector}"
     options = DecodeOptions(estimate=estimate or (project is not None and project.estimate))
-    phase = decode(
-        patterns, images, lines=lines, options=options, exposures_ms=exposures, where=where, progress=progress
-    )
+    try:
+        phase = decode(
+            patterns, images, lines=lines, options=options, exposures_ms=exposures, where=where, progress=progress
+        )
+    except InputError as error:
+        raise (of_another_projector(error, capture, project) if project else None) or error from None
     phase = replace(phase, camera=capture.camera, projector=capture.projector)
     if lines is None or not images:
         return phase
@@ -106,6 +109,24 @@ def all_notes(findings: Sequence[Finding], notes: Sequence[str]) -> tuple[str, .
     told = [Note(finding.text, finding.names) for finding in findings]
     elsewhere = tuple(f"Frame {shot} shows the pattern" for finding in findings for shot in finding.shots)
     return (*told, *(note for note in notes if not note.startswith(elsewhere)))
+
+
+def of_another_projector(error: InputError, capture: Capture, project: Project) -> InputError | None:
+    """Say of patterns that one projector is refused for which of the others has the lines that they fit, if any."""
+    from core.decode import refuse_patterns
+
+    patterns, rig, fitting = [frame.pattern for frame in capture.frames], project.rig.projectors, []
+    for name in (capture.projector, *(other for other in rig if other != capture.projector)):
+        try:
+            refuse_patterns(patterns, (rig[name].width, rig[name].height))
+            fitting.append(name)
+        except InputError:
+            continue
+    if not fitting or capture.projector in fitting:
+        return None
+    seen = " and ".join(f"{rig[name].width} x {rig[name].height} lines of {name}" for name in fitting)
+    told = f"{error.seen}; the frames fit the {seen}: is the projector named wrongly?"
+    return InputError(error.where, told, error.remedy)
 
 
 def phase_maps(
