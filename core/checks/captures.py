@@ -6,8 +6,9 @@ with the square of the dots' size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import combinations, groupby
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,7 @@ def repeated_frames(
     own: Callable[[Capture, Frame], bool] = lambda *_: False,
     *,
     of_each: bool = False,
+    strange: Mapping[str, Collection[int]] = MappingProxyType({}),
 ) -> list[Concern]:
     """Find frames whose bytes stand under another pattern or in another capture as well.
 
@@ -61,6 +63,8 @@ def repeated_frames(
         still may share it.
     of_each : bool
         Tell it of each of two captures, not of the later one alone.
+    strange : mapping
+        By capture the numbers of frames that contradict its others: of two that share one the other's it is.
     """
     places: dict[str, list[tuple[Capture, Frame]]] = {}
     for capture in captures:
@@ -81,7 +85,14 @@ def repeated_frames(
             for (a, f), (b, g) in found:
                 shared.setdefault((a.name, b.name), []).append((f, g))
     frames = {c.name: len([f for f in c.frames if not _dark(f.pattern)]) for c in captures}
-    return [_told(a, b, pairs, frames[a]) for (a, b), pairs in shared.items()]
+    odd = {c.frames[k].place for c in captures for k in strange.get(c.name, ()) if k < len(c.frames)}
+    concerns = []
+    for (first, second), pairs in shared.items():
+        here, there = ({frame.place for frame in side} & odd for side in zip(*pairs, strict=True))
+        if first != second and here and not there and not of_each:  # the first one has it from the second
+            first, second, pairs = second, first, [(g, f) for f, g in pairs]
+        concerns.append(_told(first, second, pairs, frames[first]))
+    return concerns
 
 
 def _look_alike(a: Frame, b: Frame, projectors: Mapping[str, DeviceSpec]) -> bool:

@@ -63,6 +63,7 @@ MIDDLE = 64  # bytes
 KINDS = StripeError, AdjustmentError, InputError, NotRecognisedError, NoCoordinateError, TooFewPointsError
 LIT_BY = 6  # frames, which light nearly all pixels between them
 BRIGHTER, NOISE, UNLIKE = 1.15, 0.05, 0.02  # than white; of what is brightest; of the lit pixels, which noise leaves
+NAMED = re.compile(r"\b[Ff]rames? (\d+)(?: and (\d+))?\b")
 FIGURE = re.compile(r"\d+(?:\.\d+)? ?%?")
 
 
@@ -79,6 +80,16 @@ def notes_of(sets: Sequence[TargetSet]) -> dict[str, list[str]]:
             why = f"{why}, or sharpened by the camera" if "uneven" in why else why
             own.append(f"none of its targets was measured: {why}")
     return notes
+
+
+def frames_named(sets: Sequence[TargetSet]) -> dict[str, set[int]]:
+    """Numbers of frames that captures say are not what they claim, by capture."""
+    named: dict[str, set[int]] = {}
+    for t in sets:
+        for note in t.notes:
+            for numbers in NAMED.findall(note) if points_at_a_cause(note) else ():
+                named.setdefault(t.capture, set()).update(int(n) for n in numbers if n)
+    return named
 
 
 def noted(notes: Mapping[str, Sequence[str]]) -> list[Concern]:

@@ -35,7 +35,15 @@ from core.model import (
     verdict_of,
 )
 from core.numerics import median_of
-from core.pipeline.evidence import HARMLESS, Evidence, has_one_value, is_white_of, noted, shows_all_or_no_light
+from core.pipeline.evidence import (
+    HARMLESS,
+    Evidence,
+    frames_named,
+    has_one_value,
+    is_white_of,
+    noted,
+    shows_all_or_no_light,
+)
 from core.pipeline.methods import METHODS
 from core.project.contents import contents_of
 
@@ -76,8 +84,9 @@ def judge_calibrations(evidence: Evidence) -> dict[Method, Calibration]:
     known = contents_of(evidence.project.path).learn(frame.place for c in looked_at for frame in c.frames)
     used = {known.get(frame.place) for c in looked_at if c.name in taking_part for frame in c.frames}
     contents = {place: key for place, key in known.items() if key in used}  # of the rest, `evaluate` tells
-    twice = repeated_frames(looked_at, projectors, contents, has_one_value, shows_all_or_no_light, is_white_of)
     sets = [t for t in evidence.sets if t.capture in taking_part]
+    looks = has_one_value, shows_all_or_no_light, is_white_of
+    twice = repeated_frames(looked_at, projectors, contents, *looks, strange=frames_named(sets))
     twice = twice or repeated_targets(sets)
     of_captures, greys = ([*twice, *code_concerns(evidence.captures, projectors)], grey_concerns(sets))
     of_captures += response_concerns(sets, projectors)

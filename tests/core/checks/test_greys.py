@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from core.checks import grey_concerns, repeated_frames, repeated_planes
-from core.model import Capture, DeviceSpec, Frame, PlaneEvaluation, TargetSet
+from core.model import Capture, DeviceSpec, Frame, Note, PlaneEvaluation, TargetSet
 from core.patterns import Code, White
+from core.pipeline.evidence import frames_named
 from core.verify.pixels import gaps_among
 
 Images = list[np.ndarray]
@@ -95,6 +96,37 @@ def test_files_that_another_capture_holds_are_counted() -> None:
     contents = {f.place: f.path.name if int(f.path.stem) < 20 else f.place for c in captures for f in c.frames}
     (concern,) = repeated_frames(captures, {}, contents, lambda frame: False)
     assert concern.text.startswith("b: 00.png, 01.png, 02.png, 03.png and 16 more also stand in a")
+
+
+@pytest.mark.parametrize(
+    ("strange", "told"),
+    [({}, "b"), ({"a": {1}}, "a"), ({"b": {1}}, "b"), ({"a": {1}, "b": {1}}, "b"), ({"a": {0}}, "b")],
+)
+def test_of_two_captures_that_share_a_frame_the_one_that_it_contradicts_is_named(strange: dict, told: str) -> None:
+    """The later one was, though the frame is its own."""
+    patterns = [Code("gray", "x", bit, 3, 1, False) for bit in range(3)]
+    captures = [
+        Capture(Path(name), "object", tuple(Frame(f"{name}/{k}.png", p) for k, p in enumerate(patterns)))
+        for name in ("a", "b")
+    ]
+    contents = {f.place: "same" if f.path.stem == "1" else f.place for c in captures for f in c.frames}
+    (concern,) = repeated_frames(captures, {}, contents, no, strange=strange)
+    other = "b" if told == "a" else "a"
+    assert concern.text == f"{told}: 1.png also stands in {other}: a file of another capture; record it again"
+    assert concern.about == told
+
+
+def test_frames_are_named_by_what_captures_say_of_them() -> None:
+    nothing = np.zeros((0, 2))
+    field = TargetSet(
+        "one", *np.zeros((2, 0), int), nothing, np.zeros((0, 2, 2)), nothing, nothing, nothing, np.zeros(0)
+    )
+    notes = (
+        Note("frame 3 claims sine step 3 of 5, period 18 across columns and shows black", "value"),
+        Note("frames 11 and 12 were exchanged", "mistake"),
+        Note("frame 7 is as noisy as the others", "capture"),
+    )
+    assert frames_named([replace(field, notes=notes)]) == {"one": {3, 11, 12}}
 
 
 def test_a_file_that_many_captures_hold_is_told_once_of_each_and_looked_at_once() -> None:
