@@ -9,14 +9,12 @@ from core.compiling import njit
 from core.measure.centres.kernels import inverted
 from core.measure.centres.rays import Rays
 from core.model import Array, Floats
-from core.numerics import MEDIAN_OF_NORMAL, exponents, four_pixels, median_of, nearest, polynomial, row_median
+from core.numerics import four_pixels, row_median
 from core.parallel import run_in_bands
 
 TERMS, BENT = 6, 3  # of a quadratic surface: all, and those by which it bends
 FEWEST = 5  # pixels of a dot's quarter
-DEFECT, EVEN = 1e-9, 1.2  # of the equations; of the squared noise, within which a board is as smooth as that
-DEGREE = 4  # of the polynomial that is left of a projection, for lenses and a board that is not flat
-ENOUGH, MOST_SHARE = 3.0, 0.5  # targets for each of its terms; share that one has in itself
+ENOUGH, MOST_SHARE = 3.0, 0.5  # targets for each term of the least; share that one has in itself
 FOUND = 6  # figures of a fitted surface, see `_fit_surfaces`
 MOST_TWIST = 9.0  # times its expectation that the square of one counts at most
 BY_CHANCE = 0.1  # part by which sound captures' twists are smaller than expected
@@ -37,49 +35,6 @@ def bilinear(values: Floats, sigma: Floats, uv: Array) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore"):
         total[np.abs(twist) > JUMP_LINES + 6 * np.sqrt(spread)] = np.nan
     return total, np.sqrt(variance)
-
-
-def bends(uv: Array, lines: Array, sigma: Array) -> Array:
-    """Second derivatives (n, 4) of a coordinate by the camera's u twice, u and v, v twice, and their sigma: lines/px².
-
-    From values (n,) at all targets of a board: a projection of a plane, and a polynomial for all that it is not, lenses
-    and a board that is bent. What is left beyond noise may be waves over four targets. NaN where the targets do not
-    tell, or one has itself to go by.
-    """
-    nothing, known = np.full((len(uv), 4), np.nan), np.isfinite(lines) & (sigma > 0)
-    if np.count_nonzero(known) < ENOUGH * (len(exponents(DEGREE)) + 2):
-        return nothing
-    middle, size = uv[known].mean(axis=0), float(np.ptp(uv[known], axis=0).max()) / 2
-    x, y, noise = (uv - middle) / size, np.where(known, lines, 0.0), median_of(sigma[known])
-    A, root = np.concatenate([polynomial(x[:, 0], x[:, 1], DEGREE), -x * y[:, None]], axis=1), known.astype(float)
-    for _ in range(5):  # a coordinate decoded wrongly is far off
-        weighted = A * root[:, None]
-        R = np.asarray(np.linalg.qr(np.column_stack([weighted, root * y]), mode="r"))  # Q would take as long again
-        R, right = R[:-1, :-1], R[:-1, -1]
-        if np.abs(np.diagonal(R)).min() < DEFECT * np.abs(np.diagonal(R)).max():
-            return nothing
-        fit = np.linalg.solve(R, right)
-        off = np.abs(y - A @ fit)
-        usual = median_of(off[known]) / MEDIAN_OF_NORMAL
-        root = known / np.sqrt(1 + (off / (3 * max(usual, noise))) ** 2)
-
-    def there(steps: Array) -> Array:
-        """Derivatives of the coordinate some steps (k, 1, 2) aside by all terms (k, n, p), and itself as the last."""
-        at = x + steps / size
-        poly, below = polynomial(at[..., 0], at[..., 1], DEGREE), 1 + at @ fit[-2:]
-        value = poly @ fit[:-2] / below
-        whole = np.concatenate([poly, -at * value[..., None], (value * below)[..., None]], axis=-1)
-        return np.asarray(whole / below[..., None])
-
-    aside = np.array([[[1, 0]], [[1, 1]], [[0, 1]]])
-    uu, across, vv = there(aside) + there(-aside) - 2 * there(np.zeros((1, 1, 2)))
-    second = np.stack([uu, (across - uu - vv) / 2, vv], axis=1)
-    back = np.linalg.inv(R)
-    fitted = np.linalg.norm(second[..., :-1] @ back, axis=2).max(axis=1) * max(usual, noise)
-    apart = median_of(np.linalg.norm(x[known] - x[known][nearest(x[known], 2)[:, 1]], axis=1)) * size
-    uneven = np.sqrt(max(usual**2 - EVEN * noise**2, 0.0)) * (np.pi / (2 * apart)) ** 2
-    found = np.concatenate([second[..., -1], np.hypot(fitted, uneven)[:, None]], axis=1)
-    return np.where((known & (np.sum((weighted @ back) ** 2, axis=1) < MOST_SHARE))[:, None], found, np.nan)
 
 
 def middle_of_surface(

@@ -10,6 +10,7 @@ import numpy as np
 from core.algebra import on_own_threads
 from core.errors import InputError
 from core.measure.board import board_from_testfield
+from core.measure.centres.course import bends
 from core.measure.centres.defocus import LIGHT, WIDE, widening
 from core.measure.centres.grain import balanced
 from core.measure.centres.light import CUT, cut_by_edge, line_gradients
@@ -17,7 +18,7 @@ from core.measure.centres.profile import READ_BETWEEN
 from core.measure.identity.picks import Side, check_excluded
 from core.measure.kinds import Marks, Sight, kind_of
 from core.measure.missing import EXCLUDED
-from core.measure.projector import INTERIOR, RING, bends, bilinear, decoded_inside, middle_of_surface, refuse_jumps
+from core.measure.projector import INTERIOR, RING, bilinear, decoded_inside, middle_of_surface, refuse_jumps
 from core.model import Array, DeviceSpec, Floats, MissingTarget, PhaseMap, Seed, TargetSet, Testfield
 from core.progress import SILENT, Progress
 
@@ -26,6 +27,7 @@ READ_DOUBT = 0.5  # share of the softer side's light that depends on the print r
 BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
 RIM_BLURS = 4.0  # from a dot's edge to where its light changes by less than noise
 BLURRED = 0.7  # part of what the light's slope does that decoding leaves in a dot without such a middle: 0.5 to 1
+AT_ODDS = 3.0  # sigmas by which a dot's own surface may contradict how all targets say that it bends
 ROUGH = 2.0  # times that of four pixels: with a greater sigma a dot is decoded wrongly towards its rim
 
 
@@ -201,10 +203,12 @@ def _projector(sight: Sight, marks: Marks, drawn: Array) -> tuple[Array, Array]:
                 dots = (each[which] for each in (centre, ellipse, *rest, bend))
                 value, its_error = middle_of_surface(values, spread, *dots)
                 valid = np.isfinite(value) & (unread[which] | (its_error < rough * error[which]))
+                if rough == 1.0:  # a bend of more shape than all together tell
+                    valid &= unread[which] | (np.abs(value - found[which]) < AT_ODDS * error[which])
                 better = np.flatnonzero(which)[valid]
                 found[better], error[better] = value[valid], its_error[valid]
             unread = np.isnan(found)
-            if np.isnan(bend := bends(centre, found, error)).all():
+            if rough > 1.0 and np.isnan(bend := bends(centre, found, error)).all():
                 break
         error[~np.isfinite(found)] = np.nan
         coordinate[:, axis], sigma[:, axis] = found, error

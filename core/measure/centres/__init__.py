@@ -7,6 +7,7 @@ centroid.py    weighted centroid, its covariance, the image's noise
 ellipse.py     centres by the fit of a blurred ellipse
 steps.py       the light of a curved, blurred edge in square pixels, and how surely it is placed
 corners.py     corners where straight edges cross or end; crossings.py finds those of a chessboard
+course.py      how a projector's coordinate runs over the image of a board, by all its targets
 light.py       where the projector's light ends, in the camera's image
 lighting.py    how much the light changes across bright dots
 plateau.py     how much of it the middles of blurred dots still show

@@ -10,21 +10,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from core.measure.centres.course import DEGREES, courses, enough, planes
 from core.model import Array, DeviceSpec
-from core.numerics import nearest, normal_equations, row_median
 
 CUT = "cut by the light's edge"
 REACH = 3.0  # sigmas that a blur reaches
 LINE_BLUR = 0.7  # lines, sigma: a projector that is more blurred can hardly show single lines
-NEIGHBOURS = 12
 LEAST_NEIGHBOURS = 5  # that tell a gradient, robustly
+COURSES = 2, 3, *DEGREES  # degrees of courses over a board: the highest for which there are enough targets
 
 
 def line_gradients(camera_uv: Array, projector_uv: Array) -> Array:
     """How projector coordinates change over the camera's image at every target, shape (n, 2, 2), lines per px.
 
-    Row 0 is of the columns' coordinate u, row 1 of v, by the camera's u and v. They follow from the targets around,
-    each axis for itself; NaN where too few of them have a coordinate.
+    Row 0 is of the columns' coordinate u, row 1 of v, by the camera's u and v. They follow from a course over the whole
+    board where there are enough targets, and what that leaves of those around, each axis for itself; NaN where too few
+    of them have a coordinate. Those around alone are on one side at the board's rim: by a plane through them slopes
+    were off by 3 % under a camera of 86 degrees, at the rim by 10 to 25 %.
 
     Examples
     --------
@@ -33,24 +35,25 @@ def line_gradients(camera_uv: Array, projector_uv: Array) -> Array:
     array([[0.5, 0.1],
            [0. , 2. ]])
     """
-    gradient, before = np.full((len(camera_uv), 2, 2), np.nan), np.zeros(0, np.intp)
+    gradient = np.full((len(camera_uv), 2, 2), np.nan)
     for axis, lines in enumerate(projector_uv.T):
-        known = np.flatnonzero(np.isfinite(lines))
-        if len(known) < LEAST_NEIGHBOURS:
+        known = np.isfinite(lines)
+        if np.count_nonzero(known) < LEAST_NEIGHBOURS:
             continue
-        if not np.array_equal(known, before):  # mostly both axes are known of the same targets
-            near, before = known[nearest(camera_uv[known], min(NEIGHBOURS, len(known)), of=camera_uv)], known
-        offset = camera_uv[near] - camera_uv[:, None]
-        A = np.concatenate([np.ones((*near.shape, 1)), offset], axis=2)
-        weight = np.ones(near.shape)
-        for _ in range(6):  # a coordinate decoded wrongly is far off
-            N, b = normal_equations(A, weight, lines[near][..., None])
-            scale = np.einsum("nii->n", N)[:, None, None] * 1e-12
-            plane = np.linalg.solve(N + scale * np.eye(3), b)
-            off = np.abs((A @ plane)[..., 0] - lines[near])
-            weight = 1 / (1 + (off / np.maximum(2 * row_median(off)[:, None], 0.2)) ** 2)
-        gradient[:, axis] = plane[:, 1:, 0]
+        slope, whole = _along(camera_uv, lines, known)
+        gradient[known, axis] = slope[known] + planes(camera_uv, lines - whole, known)[known, 1:]
+        if not known.all():  # a course says nothing beyond its targets
+            gradient[~known, axis] = planes(camera_uv, lines, known)[~known, 1:]
     return gradient
+
+
+def _along(uv: Array, lines: Array, known: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Slopes (n, 2), lines per px, and lines (n,) of the course over a board; 0 without one."""
+    degrees = [d for d in COURSES if enough(int(np.count_nonzero(known)), d)]
+    fits = courses(uv, lines, known, [d for d in degrees if d in DEGREES] or degrees[-1:])
+    if not fits:
+        return np.zeros_like(uv), np.zeros(len(uv))
+    return fits[-1].slopes(uv), fits[-1].values(uv)
 
 
 def cut_by_edge(

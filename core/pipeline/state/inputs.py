@@ -32,7 +32,7 @@ from core.project.contents import Contents, Look, contents_of, hash_value
 Record = dict[str, Any]
 
 # raise a number with every change after which the same frames give other figures; results of before are then outdated
-METHOD_VERSIONS = {"decode": 118, "measure": 45, "calibrate": 42, "reconstruct": 13, "evaluate": 20, "report": 1}
+METHOD_VERSIONS = {"decode": 118, "measure": 46, "calibrate": 42, "reconstruct": 13, "evaluate": 20, "report": 1}
 
 _NOT_THE_RIG = ("path", "name", "rig", "captures", "reference", "sequence", "notes")  # fields of a project
 _NOT_IN_FRAMES = (

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from core.geometry import Pose, matrix_from_rotation_vector
+from core.measure.centres.course import bends
 from core.measure.identity.view import View, _linearised
-from core.measure.projector import bends, middle_of_surface
+from core.measure.projector import middle_of_surface
 from core.model import DeviceSpec
 from core.numerics import nearest
 
