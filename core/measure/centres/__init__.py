@@ -9,7 +9,7 @@ steps.py       the light of a curved, blurred edge in square pixels, and how sur
 corners.py     corners where straight edges cross or end; crossings.py finds those of a chessboard
 course.py      how a projector's coordinate runs over the image of a board, by all its targets
 light.py       where the projector's light ends, in the camera's image
-lighting.py    how much the light changes across bright dots
+lighting.py    how much the light changes across dots
 plateau.py     how much of it the middles of blurred dots still show
 overlap.py     dots so blurred that their light reaches their neighbours
 faults.py      dots that must not be measured, and why

@@ -1,4 +1,8 @@
-"""How much the light changes across bright dots, which draws their centroids to the brighter side.
+"""How much the light changes across dots, which draws their centroids to the brighter side.
+
+Round dark dots the board shows it. Its grey values there are light times print, and what every pixel has besides: the
+camera's level in the dark, light scattered in the lens. The contrast of a dot is without that, so that dots under more
+and less light tell how much it is. Bright dots lie on a dark board, which shows too little.
 
 Lamps, projectors and vignettes change it slowly: over a whole image one over the light's root is nearly a polynomial of
 few terms, under ``cos⁴`` exactly a quadratic one. What that leaves, of hot spots and shadows' rims, cubics through each
@@ -29,7 +33,53 @@ USUAL, UNUSUAL = np.repeat([2.0, 4.0, 4.0, 4.0], [1, 2, 3, 4]), 1.5
 DEGREE, DOTS_A_TERM = 4, 3  # of the polynomial over the image, at most, and how many dots it needs
 ROOT = 0.5  # the light is the polynomial to the power of -1 / ROOT
 UNSEEN = 0.5  # of single dots' scatter: change over the neighbours' reach that the polynomial may lack unnoticed
+LEVEL = 0.05  # of the board's grey values, that a camera may give without light: a bound for even light and few dots
 BESIDE, SHARED = 5, 0.05  # neighbours that may share of a dot's variance so much, if the polynomial follows the light
+
+
+def light_of_ground(plane: Array, contrast: Array) -> tuple[Array, Array]:
+    """Relative change of the light per px at dark dots, shape (m, 2), and its covariance (m, 2, 2).
+
+    By the board round every dot, `plane` (m, 3) of its grey value and slopes per px, less what it has without light.
+    That is where a line through the `contrast` of all dots (m,), by the board's value beside them, ends: contrasts
+    scatter by the prints. NaN does not count.
+
+    Examples
+    --------
+    >>> light = np.linspace(60.0, 100.0, 40)  # 2 grey values more than that are seen
+    >>> plane = np.stack([light + 2.0, 0.004 * light, 0.0 * light], axis=1)
+    >>> print(np.round(light_of_ground(plane, 0.9 * light)[0][[0, 39], 0], 5))
+    [0.004 0.004]
+    """
+    ground = np.maximum(plane[:, 0], 1e-9)
+    level, sigma = _unlit(ground, contrast)
+    lit = np.maximum(ground - level, LEVEL * ground)[:, None]
+    with np.errstate(all="ignore"):
+        gradient = np.nan_to_num(plane[:, 1:] / lit)
+    unsure = gradient * (sigma / lit)
+    return gradient, unsure[:, :, None] * unsure[:, None, :]
+
+
+def _unlit(ground: Array, contrast: Array) -> tuple[float, float]:
+    """Grey value of a board (m,) without light, and its sigma, from contrasts (m,) that go with the light."""
+    use = np.isfinite(ground) & np.isfinite(contrast) & (contrast > 0)
+    usual = float(median_of(ground[use])) if use.any() else 0.0
+    if np.count_nonzero(use) < LEAST_NEIGHBOURS or usual <= 0:
+        return 0.0, LEVEL * max(usual, 0.0)
+    x, y = ground[use] / usual, contrast[use] / float(median_of(contrast[use]))
+    A, prior = np.stack([np.ones_like(x), x], axis=1), np.diag([LEVEL**-2, 0.0])
+    weight, scatter = np.ones_like(x), PRINTS
+    for _ in range(5):
+        N = (A * weight[:, None]).T @ A / scatter**2 + prior
+        fit = np.linalg.solve(N, A.T @ (weight * y) / scatter**2)
+        off = np.abs(y - A @ fit) / np.sqrt(np.maximum(x, 0.1))  # of prints in proportion, of noise alike
+        scatter = max(float(median_of(off)) / MEDIAN_OF_NORMAL, 1e-4)
+        weight = 1 / np.maximum(x, 0.1) / (1 + (off / (3 * scatter)) ** 2)
+    slope = max(float(fit[1]), 0.1)
+    cov = np.linalg.inv(N)
+    at = np.array([1.0, -fit[0] / slope]) / slope
+    level, dots = usual * -float(fit[0]) / slope, float(median_of((ground - contrast)[use]))
+    return min(level, dots), usual * float(np.sqrt(at @ cov @ at))  # dots reflect something, too
 
 
 def light_gradient(

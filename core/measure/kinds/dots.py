@@ -14,7 +14,7 @@ from core.measure.centres.circles import NOMINAL_SHARE, eccentricity, recentred,
 from core.measure.centres.estimators import ESTIMATORS
 from core.measure.centres.faults import half_lit, shape_faults
 from core.measure.centres.grain import PLAIN, grain, of_lattice
-from core.measure.centres.lighting import light_gradient
+from core.measure.centres.lighting import light_gradient, light_of_ground
 from core.measure.centres.overlap import MODELLED, told_apart
 from core.measure.centres.plateau import plateau_share
 from core.measure.centres.profile import PLATEAU, Profiles, outlines, profiles
@@ -122,10 +122,8 @@ def _light(
 
     Dark dots lie in a bright surrounding, which shows it; for bright ones it follows from all of them.
     """
-    if dark:
-        with np.errstate(all="ignore"):
-            gradient = np.nan_to_num(profile.plane[:, 1:] / profile.plane[:, :1])
-        unsure = np.zeros((len(uv), 2, 2))
+    if dark:  # the image is the negative
+        gradient, unsure = light_of_ground(-profile.plane, contrast)
     else:
         gradient, unsure = light_gradient(uv, contrast, profile.tilt, np.pi / 4 * profile.gentle**4, shadowed)
     return np.clip(gradient, -0.05, 0.05), unsure
