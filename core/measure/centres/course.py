@@ -29,6 +29,7 @@ FURTHER = 0.3  # of what the highest degree's terms add to a bend: what further 
 NEIGHBOURS, ALIKE = 12, 6.0  # times the usual distance from planes through them beyond which a target may be wrong
 SETTLED = 0.1  # change of a target's weight that alters a fit by less than its noise
 NEAR = 4.0  # times the usual distance from a course of fewer terms
+SLANTED, LEAST = (0.5, 0.05), 1e-9  # by which a denominator may change over half a board; lines that are nothing
 LEAST_BELOW = 0.1  # of a projection's denominator, 1 in the middle, on a board that is seen from the front
 BY_NOISE = 2.0  # sigmas by which two bends may differ
 
@@ -106,26 +107,29 @@ def courses(
 def _course(
     uv: Array, lines: Array, known: NDArray[np.bool_], start: NDArray[np.bool_], degree: int, noise: float
 ) -> Course | None:
-    """One of them; None where the terms cannot be parted, or say that the board is seen from its edge."""
+    """One of them; None where the terms cannot be parted."""
     middle, size = uv[known].mean(axis=0), float(np.ptp(uv[known], axis=0).max()) / 2
     x, y = (uv - middle) / size, np.where(known, lines, 0.0)
-    A, root = np.concatenate([polynomial(x[:, 0], x[:, 1], degree), -x * y[:, None]], axis=1), start.astype(float)
+    A = np.concatenate([polynomial(x[:, 0], x[:, 1], degree), -x * y[:, None]], axis=1)
     number, p = np.count_nonzero(known), A.shape[1]
     free = np.sqrt(number / max(number - p, 1))  # residuals are smaller than errors
-    for _ in range(5):  # a coordinate decoded wrongly is far off
-        Q, R = np.linalg.qr(A * root[:, None])
-        if np.abs(np.diagonal(R)).min() < DEFECT * np.abs(np.diagonal(R)).max():
-            return None
-        fit = np.linalg.solve(R, Q.T @ (root * y))
-        off = np.abs(y - A @ fit)
-        usual = free * median_of(off[known]) / MEDIAN_OF_NORMAL
-        limit = 3 * max(usual, noise, 1e-9)
-        before, root = root, known / np.sqrt(1 + (off / limit) ** 2)
-        if np.abs(root - before).max() < SETTLED:
-            break
-    if np.min(1 + x[known] @ fit[-2:]) < LEAST_BELOW:
-        return None
-    return Course(degree, middle, size, fit, R, np.where(off < limit, np.sum(Q * Q, axis=1), 1.0), usual)
+    for slanted in SLANTED:
+        root, usual, denominator = start.astype(float), max(noise, LEAST), np.eye(p)[-2:]
+        for _ in range(5):  # a coordinate decoded wrongly is far off
+            Q, R = np.linalg.qr(np.concatenate([A * root[:, None], usual / slanted * denominator]))
+            if np.abs(np.diagonal(R)).min() < DEFECT * np.abs(np.diagonal(R)).max():
+                return None
+            Q = Q[:-2]
+            fit = np.linalg.solve(R, Q.T @ (root * y))
+            off = np.abs(y - A @ fit)
+            usual = free * median_of(off[known]) / MEDIAN_OF_NORMAL
+            limit = 3 * max(usual, noise, LEAST)
+            before, root = root, known / np.sqrt(1 + (off / limit) ** 2)
+            if np.abs(root - before).max() < SETTLED:
+                break
+        if np.min(1 + x[known] @ fit[-2:]) > LEAST_BELOW:
+            return Course(degree, middle, size, fit, R, np.where(off < limit, np.sum(Q * Q, axis=1), 1.0), usual)
+    return None
 
 
 def bends(uv: Array, lines: Array, sigma: Array) -> Array:

@@ -87,3 +87,14 @@ def test_a_projection_alone_is_told_by_few_terms():
     inner = np.pad(np.ones((7, 12), bool), 1).ravel()
     assert np.isfinite(found[inner]).all()
     assert np.median(found[inner, 3]) < 4e-5  # lines/px²: of degree 6 alone it is 7e-5
+
+
+def test_what_few_terms_lack_is_not_taken_for_a_board_seen_from_its_edge():
+    # terms of degree 4 stand for such a lens best with a denominator that is 0 at the board's rim
+    uv, sigma = images(16, 10, 30.0), 0.015
+    y = (uv[:, 1] - 299.5) / 240
+    noise = sigma * np.random.default_rng(0).normal(size=len(uv))
+    found = bends(uv, 600 + 300 * y + 0.3 * uv[:, 0] + y**5 + 0.5 * y**6 + noise, np.full(len(uv), sigma))
+    told, bent = np.isfinite(found[:, 0]), (20 * y**3 + 15 * y**4) / 240**2
+    assert np.mean(told) > 0.9
+    assert np.abs((found[:, 2] - bent) / np.hypot(found[:, 3], sigma / 49))[told].max() < 4
