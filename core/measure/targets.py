@@ -27,7 +27,6 @@ READ_DOUBT = 0.5  # share of the softer side's light that depends on the print r
 BESIDE_CODE = 1.05  # radii from a code to where the board around a dot begins to count: 0.8, and the code's blur
 RIM_BLURS = 4.0  # from a dot's edge to where its light changes by less than noise
 BLURRED = 0.7  # part of what the light's slope does that decoding leaves in a dot without such a middle: 0.5 to 1
-AT_ODDS = 3.0  # sigmas by which a dot's own surface may contradict how all targets say that it bends
 ROUGH = 2.0  # times that of four pixels: with a greater sigma a dot is decoded wrongly towards its rim
 
 
@@ -203,8 +202,6 @@ def _projector(sight: Sight, marks: Marks, drawn: Array) -> tuple[Array, Array]:
                 dots = (each[which] for each in (centre, ellipse, *rest, bend))
                 value, its_error = middle_of_surface(values, spread, *dots)
                 valid = np.isfinite(value) & (unread[which] | (its_error < rough * error[which]))
-                if rough == 1.0:  # a bend of more shape than all together tell
-                    valid &= unread[which] | (np.abs(value - found[which]) < AT_ODDS * error[which])
                 better = np.flatnonzero(which)[valid]
                 found[better], error[better] = value[valid], its_error[valid]
             unread = np.isnan(found)
