@@ -1,7 +1,8 @@
-"""What the steps of a period show beside their wave: light of the frame after or before, more light, another shift.
+"""What the steps of a period show beside their wave: light of the frame after or before, or of another shift.
 
 The coordinate bends by it, and contradicts no line of the projector. Each cause leaves a misfit of its own between the
-steps, in proportion to light that is seen; a response of the light leaves harmonics of the wave.
+steps, in proportion to light that is seen; a response of the light leaves harmonics of the wave. More or less light of
+one step is a cause, too, which decoding takes out.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ CURES = {"mixed": CURE, "shift": "correct shift_rad, or see what the projector s
 class Cause:
     """What may be wrong with some shots, in words, and the misfit (rows, n) that so `much` of it makes.
 
-    It is a share of another frame's light, a ratio to the own light, or rad.
+    It is a share of another frame's light, a part of the own light, or rad.
     """
 
     kind: Kind
@@ -108,7 +109,8 @@ def _finding(plan: Plan, axis: Axis, likely: list[Likely]) -> Finding:
     if kind != "mixed":
         return Finding("identity", "warning", text, names="mistake")
     figures = {} if likely[0].cause.pair else {HELD_BY_ALL: likely[0].much}
-    return Finding("identity", "bad", text, figures, tuple({shot for each in likely for shot in each.cause.shots}))
+    again = sorted({shot for each in likely for shot in each.cause.shots})
+    return Finding("identity", "bad", text, figures, tuple(again))
 
 
 def _likely(plan: Plan, sampled: Sampled, shifts: NDArray[np.float64], own: list[int]) -> list[Likely]:
