@@ -37,7 +37,7 @@ HELD_BY_ALL = "held_by_all"  # of figures: the share of a neighbour's light, whe
 
 Kind = Literal["mixed", "shift", "light"]
 KINDS: tuple[Kind, ...] = ("mixed", "shift")  # the likelier first; more or less light is taken out when decoding
-CURES = {"mixed": CURE, "shift": "correct shift_rad, or see what the projector shows"}
+CURES = {"mixed": CURE, "shift": "correct shift_rad, or see what the projector shows and whether something moves"}
 
 
 @dataclass(frozen=True)
