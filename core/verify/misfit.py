@@ -75,8 +75,9 @@ class Likely:
     @property
     def possible(self) -> bool:
         """Whether there can be so much of it."""
-        least = 0.0 if self.cause.kind == "mixed" else -MOST
-        return self.factor != 1 and least < self.much <= MOST
+        if self.cause.kind == "mixed":  # much of another's light is told by what is added, never taken away
+            return self.factor > 0 and self.much <= MOST
+        return abs(self.much) <= MOST
 
     def told(self, plan: Plan) -> str:
         """The cause in words."""

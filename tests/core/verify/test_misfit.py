@@ -16,6 +16,7 @@ import pytest
 
 from core.model import Capture, Frame
 from core.patterns import Pattern, Phase, parse_sequence
+from core.verify.misfit import Cause, Likely
 from core.verify.recognise import recognise
 from core.verify.stored import check_stored
 
@@ -136,6 +137,12 @@ def test_a_step_of_another_shift_than_described_is_told(by_deg: float) -> None:
     ]
     said = told("gray-sine", recorded(shown))
     assert f"frame 5 is shifted by {abs(by_deg):.2g}° {'more' if by_deg > 0 else 'less'} than shift_rad says" in said
+
+
+def test_light_that_would_have_to_be_taken_away_is_no_light_of_another() -> None:
+    cause = Cause("mixed", (5, 4), "", np.zeros((1, 3)))
+    possible = {factor: Likely(cause, factor, 0.1).possible for factor in (-1.0, -0.3, 0.0, 0.4, 3.0, 3.1)}
+    assert [factor for factor, may in possible.items() if may] == [0.4, 3.0]
 
 
 @pytest.mark.parametrize(
