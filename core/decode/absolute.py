@@ -50,7 +50,7 @@ from core.lazy import dataclass
 from core.model import PhaseMap
 from core.numerics import compressed_in_blocks
 from core.parallel import run_in_bands
-from core.patterns import Pattern, refuse_beyond
+from core.patterns import Pattern, axis_of, refuse_beyond
 from core.progress import SILENT, Progress
 
 DEFAULT = DecodeOptions()
@@ -191,8 +191,9 @@ def refuse_patterns(patterns: Sequence[Pattern], lines: tuple[int, int] | None, 
     words = [axis for axis in AXES if has_words(patterns, axis)]
     for axis in words:
         book_of(tuple(patterns), axis, lines[axis == "y"] if lines else None, where)
-    if not words:
-        _prepared(patterns, lines, where)
+    others = [pattern for pattern in patterns if axis_of(pattern) not in words]
+    if not words or any(axis_of(pattern) for pattern in others):
+        _prepared(others, lines, where)
 
 
 def _prepared(patterns: Sequence[Pattern], lines: tuple[int, int] | None, where: str) -> Prepared:

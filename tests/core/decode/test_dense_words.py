@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from core.decode import Flag, decode
+from core.decode import Flag, decode, refuse_patterns
 from core.decode.words.book import BLURS, book_of
 from core.errors import InputError
 from core.model import named_by
@@ -264,6 +264,17 @@ def test_lists_that_are_the_bits_of_a_code_decode_as_that(bench, kind: str, bits
     assert np.quantile(error[known], 0.99) < 3
     assert np.nanmin(phase.u) > -0.6
     assert np.nanmax(phase.u) < N - 0.4
+
+
+def test_patterns_of_the_axis_beside_words_are_refused_as_in_decoding() -> None:
+    """Those of the other axis were not looked at, and `check` said that everything fits."""
+    patterns = [*dense(8, 40), *(Phase("y", 8.0, 4, k, k * np.pi / 2, "sine") for k in range(2))]
+    with pytest.raises(InputError, match="axis y") as decoding:
+        decode(patterns, [np.full((4, 4), 9 * k, np.uint8) for k in range(len(patterns))], lines=(40, 40))
+    with pytest.raises(InputError, match="axis y") as refused:
+        refuse_patterns(patterns, (40, 40))
+    assert str(refused.value) == str(decoding.value)
+    refuse_patterns(dense(8, 40), (40, 40))
 
 
 def test_phases_beside_lists_that_are_bits_of_a_code(bench) -> None:
