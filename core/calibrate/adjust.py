@@ -32,7 +32,7 @@ from core.calibrate.diagnosis.weakness import (
 from core.calibrate.selection import LostEndError, Warnings, adjustable, check_network
 from core.calibrate.solution.datum import check_known
 from core.calibrate.solution.normals import SingularNormalsError
-from core.calibrate.solution.problem import never_observed, problem_of
+from core.calibrate.solution.problem import problem_of
 from core.calibrate.solution.robust import misfits, robust_state
 from core.calibrate.solution.solve import (
     DEFAULT,
@@ -70,8 +70,6 @@ def adjust(network: Network, *, options: AdjustOptions = DEFAULT, progress: Prog
     poses = solved.network.station_pose
     if len(poses) - len(set(poses)) > 1:
         remedy = 'leave "rigid_with" out, and mount the devices firmly'
-        if never_observed(solved.network):  # whose stations cannot stand alone
-            remedy = "mount the devices firmly"
         warnings = [*warnings, *rigidity_warnings(solved, poses, remedy, progress.part(0.8, 1.0))]
     return result_of(solved, warnings)
 

@@ -15,7 +15,6 @@ from core.calibrate.diagnosis.rigid import mean_relative_poses, rigidity_warning
 from core.calibrate.diagnosis.weakness import MirroredError
 from core.calibrate.network import network_from_targets
 from core.calibrate.selection import Warnings
-from core.calibrate.solution.problem import never_observed
 from core.calibrate.solution.shared import with_shared_errors
 from core.calibrate.solution.solve import DOUBTED, AdjustOptions, Solved, result_of
 from core.errors import AdjustmentError, InputError
@@ -116,8 +115,6 @@ def calibrate_photogrammetric(
     if len(kept) - len(set(kept)) > 1:
         progress(0.8, "was the rig rigid?")
         remedy = "adjust with free stations, and mount the devices firmly" if rigid else ""
-        if never_observed(solved.network):  # whose stations cannot stand alone
-            remedy = "mount the devices firmly"
         warnings += rigidity_warnings(solved, kept, remedy, progress.part(0.8, 1.0))
     solved = with_shared_errors(solved, targets)
     adjustment = result_of(solved, warnings)

@@ -156,9 +156,10 @@ def _keep_freed() -> None:
     if sys.platform == "linux":
         from ctypes import CDLL
 
-        with suppress(AttributeError):  # another library than glibc
+        library = CDLL(None)
+        with suppress(AttributeError):  # another one than glibc
             for what, size in _HEAP.items():
-                CDLL(None).mallopt(what, size)
+                library.mallopt(what, size)
 
 
 def _worked(options: Options, progress: Progress) -> tuple[dict[str, Any] | None, UnfinishedError | None]:

@@ -13,7 +13,7 @@ from core.calibrate.selection import Warnings
 from core.calibrate.solution.covariance import pose_cofactors
 from core.calibrate.solution.iterate import NotConvergedError, Solution, iterate
 from core.calibrate.solution.normals import SingularNormalsError
-from core.calibrate.solution.problem import Problem, problem_of, weighted_problem
+from core.calibrate.solution.problem import Problem, never_observed, problem_of, weighted_problem
 from core.calibrate.solution.solve import Solved
 from core.calibrate.solution.state import State
 from core.errors import AdjustmentError, InputError
@@ -69,6 +69,8 @@ def rigidity_warnings(solved: Solved, groups: Sequence[int], remedy: str = "", p
         return [f"whether the rig was rigid cannot be tested: {error.where}: {error.seen}"]
     if test.rigid:
         return []
+    if remedy and never_observed(solved.network):  # whose stations cannot stand alone
+        remedy = "mount the devices firmly"
     found: Warnings = [Concern("doubtful", f"{test}; {remedy}" if remedy else str(test), about="rigid")]
     if poorer := [name for name, device in solved.network.devices.items() if device.spec.model != WHOLE]:
         found.append(f"{', '.join(poorer)}: what a lens model lacks can look like a loose rig, too: try {WHOLE}")

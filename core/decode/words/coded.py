@@ -11,11 +11,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from core.decode.known import AXES
 from core.decode.options import Flag, invalidate
 from core.model import PhaseMap
 from core.patterns import Axis, Code, Lines, Pattern, Phase, axis_of
 
-AXES: tuple[Axis, Axis] = ("x", "y")
 HALF = 0.5  # a line: from its centre to its edge
 MOST_BITS = 16
 

@@ -28,6 +28,7 @@ from core.decode.tables import WORDS, Singles, make_rows, no_axis
 from core.decode.words.book import BLURS, Book, Found, Shelf, adjust, book_of
 from core.decode.words.shown import Shown, measure_words
 from core.model import Note, PhaseMap
+from core.numerics import median_of
 from core.parallel import run_in_bands
 from core.patterns import Axis, Pattern, axis_of, use_of
 from core.progress import Progress
@@ -278,8 +279,7 @@ def _second_light(
 
 def _lines_per_pixel(place: Singles) -> float:
     """How many lines a pixel sees, the median of those that have places (H, W)."""
-    steps = [np.abs(np.diff(place, axis=axis)) for axis in (0, 1)]
-    return max((float(np.median(known)) for step in steps if len(known := step[np.isfinite(step)])), default=0.0)
+    return float(np.nanmax([0.0, *(median_of(np.abs(np.diff(place, axis=axis))) for axis in (0, 1))]))
 
 
 def _beyond(misfit: NDArray[np.floating], known: NDArray[np.bool_]) -> Singles:
@@ -304,11 +304,11 @@ def _from_elsewhere(left: Singles, book: Book, blur: int, place: Singles, reach:
     square = np.maximum(np.sum(left * left, axis=0), TINY)
     found = shelf.find(left)
     far = np.abs(book.places(found.best) - place) > reach
-    others = [shelf.find(left[draw.permutation(len(left))]).top[far] ** 2 / square[far] for _ in range(ORDERS)]
     if far.sum() < TELLING_FAR * len(far):
         return False
-    means = [float(np.mean(other)) for other in others]
-    return float(np.mean(found.top[far] ** 2 / square[far])) > float(np.mean(means)) + SURELY * float(np.std(means))
+    orders = [found, *(shelf.find(left[draw.permutation(len(left))]) for _ in range(ORDERS))]
+    own, *others = (float(np.mean(each.top[far] ** 2 / square[far])) for each in orders)
+    return own > float(np.mean(others)) + SURELY * float(np.std(others))
 
 
 def _grey(flat: Sequence[Image], at: Pixels) -> Singles:
